@@ -25,6 +25,7 @@ pub mod octree;
 pub mod saved;
 pub mod snapshot;
 mod table;
+mod tree_file;
 mod volume;
 mod walk;
 

@@ -4,10 +4,9 @@
 use std::io::{self, Write};
 
 use crate::bytes::Bytes;
-use crate::octomap::cubes::{INNER, Read, Value};
 use crate::octomap::header::{self, Header};
-use crate::octomap::{TreeFile, TreeFileError};
 use crate::octree::Node;
+use crate::tree_file::{INNER, Read, TreeFile, TreeFileError, Value};
 
 /// How a `.bt` file begins.
 pub(crate) const MAGIC: &str = "# Octomap OcTree binary file";

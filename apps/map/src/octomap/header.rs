@@ -3,8 +3,7 @@
 use std::io::{self, Write};
 
 use crate::bytes::Bytes;
-use crate::octomap::cubes::{Cubes, Value};
-use crate::octomap::{TreeFile, TreeFileError};
+use crate::tree_file::{Cubes, TreeFile, TreeFileError, Value};
 
 /// What the header says.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,10 +3,9 @@
 use std::io::{self, Write};
 
 use crate::bytes::Bytes;
-use crate::octomap::cubes::{INNER, Read, Value};
 use crate::octomap::header::{self, Header};
-use crate::octomap::{TreeFile, TreeFileError};
 use crate::octree::Node;
+use crate::tree_file::{INNER, Read, TreeFile, TreeFileError, Value};
 
 /// How an `.ot` file begins.
 pub(crate) const MAGIC: &str = "# Octomap OcTree file";

@@ -1,16 +1,100 @@
-//! The cubes of a tree in a file, one after another, without the tree: what is kept of it is the way from the root to where one
-//! is.
+//! A tree in a file of OctoMap's, and its cubes, one after another, without the tree: what is kept of it is the way from the root
+//! to where one is.
 
 use std::marker::PhantomData;
 
 use elk_geometry::bricks::{BRICK, brick_of};
 
-use crate::bytes::Bytes;
-use crate::octomap::TreeFileError;
+use crate::bytes::{Bytes, CutOff};
 use crate::octree::{Cube, DEPTH, ROOT, half};
 
+/// A tree as a file has it, looked through to its end: it is kept as those bytes, and takes no memory besides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeFile<'a, V> {
+    /// Edge of a voxel (m).
+    pub resolution: f64,
+    /// Nodes as OctoMap counts them: leaves and inner nodes, the root included.
+    pub nodes: usize,
+    /// Bricks that a map of it has, of 8³ voxels each: a single cube may stand for more than any memory holds.
+    pub bricks: usize,
+    pub(crate) cubes: Cubes<'a, V>,
+}
+
+impl<'a, V: Clone> TreeFile<'a, V> {
+    /// The known cubes with their values, depth first, children by index: pruned or not, as they are in the file.
+    pub fn cubes(&self) -> Cubes<'a, V> {
+        self.cubes.clone()
+    }
+}
+
+/// Why bytes are no `.bt` or `.ot` file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TreeFileError {
+    /// The first line is another one.
+    #[error("it does not begin with `{0}`: it is another kind of file")]
+    Magic(&'static str),
+    /// The header has no `data` line.
+    #[error("the header has no `data` line: the file is cut off")]
+    HeaderEnd,
+    /// A header line lacks its value, or has one that makes no sense.
+    #[error("header line {line}: `{text}`; expected `{expected}`")]
+    Header {
+        /// The line, from 1.
+        line: usize,
+        /// What stands there (its first 60 characters).
+        text: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A header line is missing.
+    #[error("the header has no line `{0}`")]
+    Missing(&'static str),
+    /// The edge of a voxel in the header of a file of before 2011.
+    #[error("at byte 4: voxels of {0} m; expected a length above 0")]
+    Resolution(f64),
+    /// The file holds a tree of another kind.
+    #[error("the file holds a `{found}`; right is {right}")]
+    Kind {
+        /// What it holds (its first 60 characters).
+        found: String,
+        /// What would be right.
+        right: &'static str,
+    },
+    /// The file ends within the tree.
+    #[error("the data end at byte {0} in the middle of the tree: the file is cut off")]
+    Truncated(usize),
+    /// Something follows the tree.
+    #[error("{0} bytes follow the end of the tree: the file is damaged")]
+    Trailing(usize),
+    /// An inner node where only leaves can be.
+    #[error("an inner node at byte {0} lies deeper than the {DEPTH} levels of an OctoMap: the file is damaged")]
+    TooDeep(usize),
+    /// Log-odds that are no number.
+    #[error("the log-odds at byte {at} are {found}; expected a finite number: the file is damaged")]
+    LogOdds {
+        /// Where they stand in the file.
+        at: usize,
+        /// What stands there.
+        found: f32,
+    },
+    /// The header's count is not the tree's.
+    #[error("the header announces {announced} nodes, the tree has {found}: the file is damaged")]
+    Count {
+        /// The header's `size`.
+        announced: usize,
+        /// Nodes in the data.
+        found: usize,
+    },
+}
+
+impl From<CutOff> for TreeFileError {
+    fn from(CutOff { end }: CutOff) -> Self {
+        Self::Truncated(end)
+    }
+}
+
 /// The two bits of a child whose own bytes say what it is.
-pub(super) const INNER: u32 = 3;
+pub(crate) const INNER: u32 = 3;
 
 /// A node in a file.
 #[derive(Debug)]
@@ -55,7 +139,7 @@ impl<'a, V: Value> Cubes<'a, V> {
     ///
     /// # Errors
     /// The data are no such tree.
-    pub(super) fn of(data: Bytes<'a>, nodes: usize, beside: usize) -> Result<(Self, usize), TreeFileError> {
+    pub(crate) fn of(data: Bytes<'a>, nodes: usize, beside: usize) -> Result<(Self, usize), TreeFileError> {
         // A file that announces no node and has no data holds an unknown world.
         let is_unknown = nodes == 0 && data.left() == 0;
         let above_root = Inner { cube: Cube { min: ROOT, edge: 2 << DEPTH, value: () }, next: 0, left: INNER };
