@@ -19,7 +19,8 @@ fn said(output: &Output) -> String {
 
 /// What of the apartment's surfaces is in the map of a run, to one voxel.
 fn score(run: &Path) -> SurfaceScore {
-    let saved = Saved::read(&std::fs::read(run.join("map.bt")).unwrap()).unwrap();
+    let bytes = std::fs::read(run.join("map.bt")).unwrap();
+    let saved = Saved::read(&bytes).unwrap();
     let map = OccupancyMap::from_saved(MapConfig { resolution: 0.1, ..MapConfig::default() }, &saved).unwrap();
     surface_score(&World::load("apartment", &Placement::default()).unwrap(), map.grid(), 0.1)
 }

@@ -248,7 +248,7 @@ pub struct MotionMemory {
     #[describe(count)]
     pub steps: u64,
     /// When the latest step that it has heard of was allowed (s, the community's clock).
-    #[describe(unit = "s")]
+    #[describe(unit = "s", range = checks::TIMES_S)]
     pub last_step: Option<f64>,
     /// The last plan request made.
     #[describe(count)]
