@@ -49,7 +49,7 @@ pub const LARGEST_SUM: f64 = 1e12;
 /// Times that add up (s).
 pub const SUMS: RangeInclusive<f64> = 0.0..=LARGEST_SUM;
 /// Times of a community's clock (s), which may be those since 1970.
-pub const TIMES_S: RangeInclusive<f64> = 0.0..=1e12;
+pub const TIMES_S: RangeInclusive<f64> = 0.0..=LARGEST_SUM;
 
 /// Lengths of way (m), which rounding may have put below 0 by a hair.
 pub const LENGTHS_M: RangeInclusive<f64> = -1e-6..=LARGEST_SUM;

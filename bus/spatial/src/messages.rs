@@ -248,7 +248,7 @@ pub struct MotionMemory {
     #[describe(count)]
     pub steps: u64,
     /// When the latest step that it has heard of was allowed (s, the community's clock).
-    #[describe(unit = "s", range = checks::TIMES_S)]
+    #[describe(unit = "s")]
     pub last_step: Option<f64>,
     /// The last plan request made.
     #[describe(count)]
@@ -603,6 +603,9 @@ fn brick_memory(memory: &BrickMemory) -> checks::Checked {
 fn motion_memory(memory: &MotionMemory) -> checks::Checked {
     let MotionMemory { commands, allowed, requests, .. } = *memory;
     checks::holds("allowed", allowed <= commands, allowed, "no later than commands")?;
+    if let Some(time) = memory.last_step {
+        checks::holds("last_step", checks::TIMES_S.contains(&time), time, "a time of 0 to 1e12 s")?;
+    }
     match &memory.awaited {
         Awaited::Start | Awaited::Over(_) => {}
         Awaited::Map(command) => {
