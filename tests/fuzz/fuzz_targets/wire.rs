@@ -5,7 +5,7 @@ mod common;
 
 use std::time::Duration;
 
-use elk_bus::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
+use elk_bus::link::{Batch, Downlink, Fill, Held, Link, LinkError, Rejoin, Uplink};
 use elk_bus::wire::{self, BulkRef, Named};
 use elk_bus::{Client, CommsError, Community, Description, ValueRef};
 use elk_spatial::samples::{self, SAMPLES};
@@ -27,7 +27,7 @@ impl Downlink for Made {
     fn retiring(&self) -> bool {
         false
     }
-    fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {
+    fn bulk(&mut self, _: BulkRef) -> Option<&Held> {
         None
     }
     fn attach(&mut self, _: u32) -> bool {
