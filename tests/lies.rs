@@ -390,7 +390,7 @@ fn long_lies() -> Vec<(String, Value)> {
         strategy: None,
         cpu_secs: vec![],
         goes_on: false,
-        lists: ExplorerPast { hidden: trail.clone(), refused: trail.clone(), targets: vec![], trail },
+        lists: ExplorerPast { hidden: trail.clone(), barred: trail.clone(), targets: vec![], trail },
         standing: Standing::default(),
         progress_at: 0,
         refused: 0,
@@ -425,7 +425,7 @@ fn long_lies() -> Vec<(String, Value)> {
         value(&EXPLORER_MEMORY, &memory(vec![])),
         value(
             &EXPLORER_PAST,
-            &ExplorerPast { hidden: far_voxels(), refused: far_voxels(), trail: far_voxels(), targets: vec![] },
+            &ExplorerPast { hidden: far_voxels(), barred: far_voxels(), trail: far_voxels(), targets: vec![] },
         ),
         value(&MOTION_MEMORY, &over(vec![sample; MANY])),
         value(&MOTION_MEMORY, &over(vec![])),

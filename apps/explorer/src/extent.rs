@@ -120,7 +120,7 @@ mod tests {
         let free: Vec<Voxel> = (0..length).map(|x| Voxel::new(x, 0, 0)).collect();
         free.iter().for_each(|voxel| assert!(grid.set(*voxel, State::Free)));
         grid.set(Voxel::new(30_000, -30_000, 30_000), stray);
-        Space::around(&grid, Voxel::new(x, 0, 0), &Clearance::default(), &free)
+        Space::around(&grid, Voxel::new(x, 0, 0), &Clearance::default(), (&free, &[]))
     }
 
     #[test]

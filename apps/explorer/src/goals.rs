@@ -335,7 +335,7 @@ mod tests {
         let within = |voxel: &Voxel| voxel.to_array().into_iter().all(|c| (margin..10 - margin).contains(&c));
         let gone: Vec<Voxel> = grid.bricks().voxels().map(|(voxel, _)| voxel).filter(within).collect();
         // Wide as it is, it can be only where it has been.
-        Space::around(grid, Voxel::new(5, 5, 5), &Clearance::new(2.0, 0.1).unwrap(), &gone)
+        Space::around(grid, Voxel::new(5, 5, 5), &Clearance::new(2.0, 0.1).unwrap(), (&gone, &[]))
     }
 
     #[test]
@@ -399,7 +399,7 @@ mod tests {
         let hole = Voxel::new(5, 5, -1);
         let grid = room(&[hole]);
         let target = target(&grid, None, vec![]);
-        let nowhere = Space::around(&grid, Voxel::new(99, 0, 0), &Clearance::default(), &[]);
+        let nowhere = Space::around(&grid, Voxel::new(99, 0, 0), &Clearance::default(), (&[], &[]));
         let (goals, far) = Goals::far(&nowhere, RANGE, [&target], &mut Verdicts::default());
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
         let (goals, far) = Goals::far(&space(&grid, 3), RANGE, [&target], &mut Verdicts::default());

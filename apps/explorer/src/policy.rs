@@ -243,7 +243,7 @@ mod tests {
         frontier.update(&grid, &all);
         let inside = |v: &&Voxel| grid.state(**v) == State::Free;
         // Wherever it is free, the robot has been.
-        let space = Space::around(&grid, Voxel::new(2, 2, 2), &Clearance::default(), all.iter().filter(inside));
+        let space = Space::around(&grid, Voxel::new(2, 2, 2), &Clearance::default(), (all.iter().filter(inside), &[]));
         let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
         let target = Target::new(known, Voxel::new(27, 29, 2), vec![]);
         (grid, frontier, space, target)

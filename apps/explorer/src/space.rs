@@ -37,12 +37,12 @@ pub struct Space {
 
 impl Space {
     /// The space around a robot in voxel `robot`. Voxels of `trail`, where the robot has been, stay passable as long as they
-    /// are free.
+    /// are free; those of `barred`, where it was refused to go, are not, whatever the map says.
     pub fn around<'a>(
         grid: &OccupancyGrid,
         robot: Voxel,
         clearance: &Clearance,
-        trail: impl IntoIterator<Item = &'a Voxel>,
+        (trail, barred): (impl IntoIterator<Item = &'a Voxel>, impl IntoIterator<Item = &'a Voxel>),
     ) -> Self {
         let nothing = VoxelSet::new();
         let mut space = Self {
@@ -58,18 +58,18 @@ impl Space {
             known: None,
         };
         let come = trail.into_iter().map(|voxel| (*voxel, true));
-        space.follow(grid, robot, grid.bricks().iter().map(|(brick, _)| brick), come);
+        space.follow(grid, robot, grid.bricks().iter().map(|(brick, _)| brick), (come, barred));
         space
     }
 
-    /// Takes note that the robot is in voxel `robot`, that voxels have come to its trail (`true`) or left it, and that the map
-    /// has changed in these bricks. Answers the voxels of which anything is other than it was.
-    pub fn follow(
+    /// Takes note that the robot is in voxel `robot`, that voxels have come to its trail (`true`) or left it, that more of them are
+    /// barred, and that the map has changed in these bricks. Answers the voxels of which anything is other than it was.
+    pub fn follow<'a>(
         &mut self,
         grid: &OccupancyGrid,
         robot: Voxel,
         bricks: impl IntoIterator<Item = Voxel>,
-        trail: impl IntoIterator<Item = (Voxel, bool)>,
+        (trail, barred): (impl IntoIterator<Item = (Voxel, bool)>, impl IntoIterator<Item = &'a Voxel>),
     ) -> VoxelSet {
         let heard = |brick: &Voxel| {
             self.known = Some(self.known.map_or([*brick; 2], |[min, max]| [min.inf(*brick), max.sup(*brick)]));
@@ -81,6 +81,7 @@ impl Space {
             let changed = if on { self.trail.insert(voxel) } else { self.trail.remove(voxel) };
             near.extend(changed.then(|| brick_of(voxel)));
         }
+        near.extend(barred.into_iter().filter(|voxel| self.barred.insert(**voxel)).map(|voxel| brick_of(*voxel)));
         let opened = changes(near, |brick| self.passable.replace(brick, &self.passable_cells(brick)));
         let mut changed = VoxelSet::new();
         let mut note = |brick: Voxel, cells: &Mask| changed.unite(brick, cells);
@@ -88,17 +89,6 @@ impl Space {
         self.component.update(&self.free, robot, &turned, &mut note);
         self.reach.update(&self.passable, robot, &opened, &mut note);
         self.escape = vec![robot];
-        changed
-    }
-
-    /// Takes note that there are more voxels that the robot must not go through, whatever the map says. Answers the voxels of which
-    /// anything is other than it was.
-    pub fn bar<'a>(&mut self, voxels: impl IntoIterator<Item = &'a Voxel>) -> VoxelSet {
-        let come: BTreeSet<Voxel> =
-            voxels.into_iter().filter(|voxel| self.barred.insert(**voxel)).map(|voxel| brick_of(*voxel)).collect();
-        let closed = changes(come, |brick| self.passable.replace(brick, &self.passable_cells(brick)));
-        let mut changed = VoxelSet::new();
-        self.reach.update(&self.passable, self.start(), &closed, &mut |brick, cells| changed.unite(brick, cells));
         changed
     }
 
@@ -237,7 +227,7 @@ mod tests {
     }
 
     fn space(grid: &OccupancyGrid, robot: Voxel, trail: &[Voxel]) -> Space {
-        let mut space = Space::around(grid, robot, &Clearance::new(0.1, 0.1).unwrap(), trail);
+        let mut space = Space::around(grid, robot, &Clearance::new(0.1, 0.1).unwrap(), (trail, &[]));
         space.back_off();
         space
     }
@@ -266,7 +256,7 @@ mod tests {
             let mut grid = corridor(5);
             let clearance = Clearance::new(radius, 0.1).unwrap();
             let (mut trail, mut all_barred): (BTreeSet<Voxel>, BTreeSet<Voxel>) = Default::default();
-            let mut space = Space::around(&grid, Voxel::new(3, 2, 2), &clearance, &trail);
+            let mut space = Space::around(&grid, Voxel::new(3, 2, 2), &clearance, (&trail, &[]));
             for (robot, cells, barred, back_off) in edits {
                 let mut bricks = BTreeSet::new();
                 for (voxel, state) in cells {
@@ -280,12 +270,9 @@ mod tests {
                 }
                 turned.retain(|(voxel, on)| trail.contains(voxel) == *on);
                 let before = space.clone();
-                let mut changed = space.follow(&grid, robot, bricks, turned);
+                let mut changed = space.follow(&grid, robot, bricks, (turned, &barred));
                 all_barred.extend(&barred);
-                let closed = space.bar(&barred);
-                closed.bricks().for_each(|(brick, cells)| changed.unite(brick, cells));
-                let mut anew = Space::around(&grid, robot, &clearance, &trail);
-                anew.bar(&all_barred);
+                let mut anew = Space::around(&grid, robot, &clearance, (&trail, &all_barred));
                 if back_off {
                     let moved = space.back_off();
                     prop_assert_eq!(anew.back_off().is_some(), moved.is_some());

@@ -39,7 +39,7 @@ impl Room {
         let voxel = |place: &[f64; 3]| Voxel::containing(Point3::from(*place), EDGE_M);
         // A radius of one voxel is affordable.
         let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
-        let space = Space::around(&grid, voxel(&robot), &clearance, &[]);
+        let space = Space::around(&grid, voxel(&robot), &clearance, (&[], &[]));
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::ALL, tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();

@@ -168,7 +168,7 @@ mod tests {
         ) {
             let (mut grid, mut frontier, clearance) = (hall(), FrontierSet::new(None), Clearance::new(radius, 0.1).unwrap());
             let robot = Voxel::new(5, 5, 5);
-            let mut space = Space::around(&grid, robot, &clearance, &[]);
+            let mut space = Space::around(&grid, robot, &clearance, (&[], &[]));
             let (mut kept, mut tried) = (Verdicts::default(), BTreeSet::new());
             for (cells, look) in edits {
                 let mut bricks = BTreeSet::new();
@@ -180,7 +180,7 @@ mod tests {
                     }
                 }
                 tried.extend(look);
-                kept.hear_of(space.follow(&grid, robot, bricks, []).bricks().map(|(brick, _)| brick));
+                kept.hear_of(space.follow(&grid, robot, bricks, ([], [])).bricks().map(|(brick, _)| brick));
                 let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
                 let target = |voxel| Target::new(known, voxel, tried.iter().copied().collect());
                 let targets: Vec<Target> = frontier.iter().map(target).collect();

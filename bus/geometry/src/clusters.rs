@@ -269,6 +269,18 @@ mod tests {
     }
 
     #[test]
+    fn within_so_many_steps_is_what_can_be_gone_to_in_the_cluster() {
+        let at = |x: i32| Voxel::new(x, 0, 0);
+        let mut clusters = Clusters::default();
+        let turned = clusters.update([0, 1, 2, 3, 5, 6].map(at), |_| true);
+        assert_eq!(turned.len(), 6);
+        assert!(clusters.update([at(0)], |_| true).is_empty(), "it was there");
+        assert_eq!(clusters.within([at(0)], 2), [0, 1, 2].map(at).into());
+        assert_eq!(clusters.within([at(4)], 1), [3, 5].map(at).into(), "from where nothing is, too");
+        assert_eq!(clusters.within([at(3)], 9), [0, 1, 2, 3].map(at).into(), "no farther than the cluster");
+    }
+
+    #[test]
     fn a_cluster_has_a_size_a_centre_and_a_box() {
         let row = |range: std::ops::Range<i32>| range.map(|x| Voxel::new(x, -1, 4));
         let mut clusters = Clusters::default();

@@ -119,6 +119,19 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_place_of_a_way_is_between_its_points_too() {
+        let points = [[0.0; 3], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]].map(Point3::from);
+        let way = Polyline::new(points).unwrap();
+        for (point, s) in
+            [([-1.0, 0.0, 0.0], 0.0), ([0.5, 1.0, 0.0], 0.5), ([3.0, 1.5, 1.0], 3.5), ([2.0, 9.0, 0.0], 4.0)]
+        {
+            assert_eq!(way.nearest(point.into()), s, "{point:?}");
+        }
+        assert_eq!(way.nearest([1.0, 1.0, 0.0].into()), 1.0, "of two that are as near the first");
+        assert_eq!(Polyline::new([Point3::origin()]).unwrap().nearest([1.0; 3].into()), 0.0);
+    }
+
+    #[test]
     fn a_way_is_measured_along_its_length() {
         let way = bent();
         assert_eq!((way.length(), way.points().len()), (3.0, 3));

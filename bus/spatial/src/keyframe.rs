@@ -106,7 +106,6 @@ impl Round {
     /// Takes the next part, from [`Round::next`] on; whether that was the round's last: the one that it began with, or the only
     /// one that there is.
     pub fn take(&mut self, part: &MapPart) -> bool {
-        self.turned |= part.first < self.next;
         let (turned, is_all) = (self.turned, part.bricks.len() as u64 == part.total);
         self.next = part.next();
         self.turned |= self.next == 0;
@@ -169,10 +168,12 @@ impl Keyframe {
             return Step::Apart;
         }
         self.fewest = part.total;
-        if !round.turned && part.first < round.next() {
+        let was_turned = round.turned;
+        round.turned |= part.first < round.next();
+        if !was_turned && round.turned {
             self.before_first = self.order.len();
         }
-        let turned = round.turned || part.first < round.next();
+        let turned = round.turned;
         let over = round.take(part);
         if over && turned && !says_again(part, round.start, &self.grid)
             || self.grid.apply(&part.delta(part.revision)).is_err()

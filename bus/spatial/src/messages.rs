@@ -320,13 +320,13 @@ pub struct ExplorerPast {
     pub hidden: Vec<Voxel>,
     /// Voxels of ways on which the sensor refused to go, in lexicographic order.
     #[describe(longest = checks::MAX_REMEMBERED)]
-    pub refused: Vec<Voxel>,
+    pub barred: Vec<Voxel>,
 }
 
 impl ExplorerPast {
     /// How long the lists are together.
     pub fn entries(&self) -> usize {
-        self.trail.len() + self.targets.len() + self.hidden.len() + self.refused.len()
+        self.trail.len() + self.targets.len() + self.hidden.len() + self.barred.len()
     }
 }
 

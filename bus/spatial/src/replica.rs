@@ -1,9 +1,11 @@
 //! A reader's copy of the map, kept up to date with what the map publishes.
 
+use std::collections::BTreeMap;
+
 use elk_bus::{AppError, Comms};
-use elk_geometry::OccupancyGrid;
 use elk_geometry::delta::Changes;
 use elk_geometry::state::BrickStates;
+use elk_geometry::{OccupancyGrid, Voxel};
 
 use crate::checks::MAX_REVISIONS_AHEAD;
 use crate::keyframe::{Keyframe, MapPart, Step};
@@ -254,13 +256,18 @@ impl Replica {
     }
 
     fn look_at_size(&self, update: &MapUpdate) -> Result<(), UpdateError> {
-        let is_known = |brick: &&BrickStates| self.grid.bricks().brick(brick.position()).is_some();
-        let (old, new): (Vec<_>, Vec<_>) = update.bricks.iter().partition(is_known);
-        let given_back = old.iter().filter(|brick| brick.is_unknown()).count();
-        self.look_at_number(match update.since {
-            0 => update.bricks.len(),
-            _ => self.grid.bricks().len() - given_back + new.iter().filter(|brick| !brick.is_unknown()).count(),
-        })
+        let known = self.grid.bricks();
+        let before = if update.since == 0 { 0 } else { known.len() };
+        if before + update.bricks.len() <= self.max_bricks {
+            return Ok(());
+        }
+        // Some may be known already, or are given back; of one that is said twice the last word counts.
+        let said: BTreeMap<Voxel, bool> = update.bricks.iter().map(|b| (b.position(), b.is_unknown())).collect();
+        let is_old = |brick: Voxel| update.since > 0 && known.brick(brick).is_some();
+        let count = |wanted: (bool, bool)| {
+            said.iter().filter(|(brick, unknown)| (is_old(**brick), **unknown) == wanted).count()
+        };
+        self.look_at_number(before + count((false, false)) - count((true, true)))
     }
 
     fn look_at_number(&self, bricks: usize) -> Result<(), UpdateError> {
@@ -288,7 +295,7 @@ impl Replica {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_geometry::{State, Voxel};
+    use elk_geometry::State;
 
     /// A map that grows by a voxel a scan: the update, and the whole map after it.
     fn publisher(resolution: f64) -> impl FnMut() -> (MapUpdate, MapUpdate) {
@@ -424,6 +431,26 @@ mod tests {
         assert!(asks == [false, true, false] && replica.is_doubtful());
         replica.take(&whole).unwrap();
         assert_eq!((replica.grid().revision(), replica.is_doubtful()), (1, false));
+    }
+
+    /// Regression: whoever gave a brick back three times was believed to have three fewer.
+    #[test]
+    fn of_a_brick_that_is_said_again_the_last_word_counts() {
+        let mut map = OccupancyGrid::new(0.2);
+        let mut replica = Replica::new(None, 2);
+        let at = |x: i32| Voxel::new(8 * x, 0, 0);
+        map.set(at(0), State::Free);
+        replica.take(&MapUpdate::new(map.advance(&[at(0)]), 0)).unwrap();
+        map.set(at(0), State::Unknown);
+        assert!((1..3).all(|x| map.set(at(x), State::Free)));
+        let fits = MapUpdate::new(map.advance(&[at(0), at(1), at(2)]), 1);
+        let mut lie = fits.clone();
+        let back = lie.bricks.iter().find(|brick| brick.is_unknown()).cloned().unwrap();
+        let brick = |x: i32| BrickStates { brick: [x as i16, 0, 0], ..lie.bricks[1].clone() };
+        lie.bricks = [vec![back; 3], (1..5).map(brick).collect()].concat();
+        assert_eq!(replica.take(&lie).unwrap_err(), UpdateError::TooMany { bricks: 4, most: 2 });
+        replica.take(&fits).unwrap();
+        assert_eq!(replica.grid().bricks().len(), 2);
     }
 
     #[test]

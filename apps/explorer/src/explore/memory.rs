@@ -43,7 +43,7 @@ pub struct Memory {
     /// Voxels of ways on which the sensor refused to go: each refused step's, without those where the robot has been.
     barred: BTreeSet<Voxel>,
     /// Those that came to them when the last plan was made.
-    barred_now: Vec<Voxel>,
+    newly_barred: Vec<Voxel>,
     /// What has come to trail, targets, hidden and barred since they were said whole; `None`: they have to be, something was forgotten.
     since: Option<Since>,
     /// How things stood when they last changed, and the revision then.
@@ -95,8 +95,8 @@ impl Memory {
             trail: past.trail.iter().chain(&left.lists.trail).copied().collect(),
             trail_turned: Vec::new(),
             hidden: past.hidden.iter().chain(&left.lists.hidden).copied().collect(),
-            barred: past.refused.iter().chain(&left.lists.refused).copied().collect(),
-            barred_now: Vec::new(),
+            barred: past.barred.iter().chain(&left.lists.barred).copied().collect(),
+            newly_barred: Vec::new(),
             since: None,
             standing: left.standing,
             progress_at: left.progress_at,
@@ -114,7 +114,7 @@ impl Memory {
                 trail: since.trail.clone(),
                 targets: since.targets.iter().filter_map(|target| self.targets.get(target)).cloned().collect(),
                 hidden: since.hidden.clone(),
-                refused: since.barred.clone(),
+                barred: since.barred.clone(),
             },
         };
         to.standing = self.standing;
@@ -128,7 +128,7 @@ impl Memory {
             trail: self.trail.iter().copied().collect(),
             targets: self.targets.values().cloned().collect(),
             hidden: self.hidden.iter().copied().collect(),
-            refused: self.barred.iter().copied().collect(),
+            barred: self.barred.iter().copied().collect(),
         }
     }
 
@@ -175,7 +175,7 @@ impl Memory {
             self.judge_view(&path.looks, request.pose.position(), known);
         }
         self.no_return = no_return;
-        self.barred_now.clear();
+        self.newly_barred.clear();
         if let Some(path) = followed.as_ref().filter(|_| request.outcome == Outcome::Refused) {
             self.bar(path, request.pose.position(), (step_m, resolution));
         }
@@ -265,9 +265,9 @@ impl Memory {
         let new = if new.is_empty() { entered } else { new };
         let room = MAX_REMEMBERED - self.barred.len().min(MAX_REMEMBERED);
         let come = new.into_iter().filter(|voxel| !self.barred.contains(voxel)).take(room);
-        self.barred_now = come.collect();
-        self.barred.extend(&self.barred_now);
-        self.since.iter_mut().for_each(|since| since.barred.extend(&self.barred_now));
+        self.newly_barred = come.collect();
+        self.barred.extend(&self.newly_barred);
+        self.since.iter_mut().for_each(|since| since.barred.extend(&self.newly_barred));
     }
 
     /// The robot went along `path`, if there was one, until it was in `robot`. Where the map has no voxels it leaves no trail.
@@ -342,8 +342,8 @@ impl Memory {
     }
 
     /// Those of them that came when the last plan was made.
-    pub fn barred_now(&self) -> &[Voxel] {
-        &self.barred_now
+    pub fn newly_barred(&self) -> &[Voxel] {
+        &self.newly_barred
     }
 
     /// The targets of a brick (in bricks) of which anything is remembered.
@@ -411,7 +411,7 @@ mod tests {
         assert_eq!(memory.barred().iter().copied().collect::<Vec<_>>(), [at(5), at(6), at(7)]);
         // Where it has been all the way it is somewhere all the same.
         memory.bar(&straight(at(0)), at(0).center(0.1), (0.2, 0.1));
-        assert_eq!(memory.barred_now(), [at(1), at(2)]);
+        assert_eq!(memory.newly_barred(), [at(1), at(2)]);
     }
 
     proptest! {

@@ -45,17 +45,15 @@ impl Scene {
     }
 
     fn anew(known: Known, robot: Voxel, memory: &Memory, settings: &Settings) -> Self {
-        let mut space = Space::around(known.grid, robot, &settings.clearance, memory.trail());
-        space.bar(memory.barred());
+        let space = Space::around(known.grid, robot, &settings.clearance, (memory.trail(), memory.barred()));
         let (verdicts, agenda, changed) = (Verdicts::default(), Agenda::default(), VoxelSet::new());
         Self { space, verdicts, agenda, left: FrontiersLeft::default(), changed, unseen: None }
     }
 
     fn follow(mut self, known: Known, robot: Voxel, changed: &VoxelSet, memory: &Memory) -> Self {
         let bricks = changed.bricks().map(|(brick, _)| brick);
-        self.changed = self.space.follow(known.grid, robot, bricks, memory.trail_turned());
-        let barred = self.space.bar(memory.barred_now());
-        barred.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
+        let been = (memory.trail_turned(), memory.newly_barred());
+        self.changed = self.space.follow(known.grid, robot, bricks, been);
         self.hear_of_space();
         // What was unknown and is occupied now is free neither way.
         changed.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));

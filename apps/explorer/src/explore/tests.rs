@@ -342,7 +342,7 @@ pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
             trail: line(1).collect(),
             targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
             hidden: line(2).collect(),
-            refused: line(3).collect(),
+            barred: line(3).collect(),
         },
         standing: Standing::default(),
         progress_at: MAX_COUNT,

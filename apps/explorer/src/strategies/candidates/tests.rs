@@ -86,7 +86,7 @@ proptest! {
         let known = Known { grid: &grid, frontier: &frontier, sight };
         let robot = grid.bricks().voxels().find(|(voxel, _)| grid.state(*voxel) == State::Free).expect("some are free").0;
         let clearance = Clearance::new(0.0, 0.1).unwrap();
-        let space = Space::around(&grid, robot, &clearance, &[]);
+        let space = Space::around(&grid, robot, &clearance, (&[], &[]));
         let tried = |voxel: Voxel| match in_vain && lot(seed, voxel, 3) == 0 {
             true => vec![voxel + Voxel::new(2, 0, 1)],
             false => Vec::new(),

@@ -119,7 +119,7 @@ mod tests {
                 }
             }
         }
-        Space::around(&grid, Voxel::new(35, 5, 5), &Clearance::default(), &[])
+        Space::around(&grid, Voxel::new(35, 5, 5), &Clearance::default(), (&[], &[]))
     }
 
     #[test]
