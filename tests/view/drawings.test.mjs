@@ -9,7 +9,7 @@ import { fileURLToPath } from "node:url";
 
 import { readBinary } from "../../apps/view/page/binary.js";
 import { drawingMessage } from "./building.mjs";
-import { clickText, heard, pageTest } from "./harness.mjs";
+import { PLAN, SCENE, clickText, heard, pageTest } from "./harness.mjs";
 
 const KEYS_RS = fileURLToPath(new URL("../../bus/drawing/src/keys.rs", import.meta.url));
 const PINK = [255, 0, 255, 255];
@@ -62,23 +62,12 @@ async function lookAt(page, place, pitch = 1.2) {
     })()`);
 }
 
-/** The pixel in the middle of the 3-D picture, as [r, g, b]. */
-const middle = page =>
+/** The pixel in the middle of a picture, as [r, g, b]. */
+const middle = (page, picture) =>
     page.eval(`(() => {
-        const { scene, colours } = elk.stage, { gl } = scene;
-        scene.draw(colours, 1, 0);
-        const pixel = new Uint8Array(4);
-        gl.readPixels(gl.drawingBufferWidth >> 1, gl.drawingBufferHeight >> 1, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-        return [...pixel.slice(0, 3)];
-    })()`);
-
-/** The pixel in the middle of the 2-D picture. */
-const middleFromAbove = page =>
-    page.eval(`(() => {
-        const { flat, colours } = elk.stage;
-        flat.draw(colours);
-        const { canvas, context } = flat;
-        return [...context.getImageData(canvas.width >> 1, canvas.height >> 1, 1, 1).data.slice(0, 3)];
+        const { data, width, height } = ${picture};
+        const at = 4 * ((height >> 1) * width + (width >> 1));
+        return [...data.slice(at, at + 3)];
     })()`);
 
 /** Whether a colour is pink, in whatever light. */
@@ -88,18 +77,18 @@ const drawings = page => page.eval("elk.world.drawings.list().map(({ app, name }
 for (const [name, primitive] of Object.entries(PRIMITIVES)) {
     pageTest(`of the primitives, ${name}: drawn in 3-D and from above`, {}, async ({ page, mock }) => {
         await lookAt(page, [0, 0, 1]);
-        assert(!isPink(await middle(page)));
+        assert(!isPink(await middle(page, SCENE)));
         send(mock, shown([["it", [primitive]]]));
         await page.until("elk.world.drawings.list().length === 1");
-        const pixel = await middle(page);
+        const pixel = await middle(page, SCENE);
         assert(isPink(pixel), `${pixel} in 3-D`);
         assert.equal(await page.eval("elk.stage.scene.gl.getError()"), 0);
         await page.eval("elk.stage.showFlat(true)");
-        const fromAbove = await middleFromAbove(page);
+        const fromAbove = await middle(page, PLAN);
         assert(isPink(fromAbove), `${fromAbove} from above`);
         // Switched off, and on again.
         await page.eval("elk.world.show('drawings', false)");
-        assert(!isPink(await middle(page)) && !isPink(await middleFromAbove(page)));
+        assert(!isPink(await middle(page, SCENE)) && !isPink(await middle(page, PLAN)));
     });
 }
 
@@ -107,12 +96,12 @@ pageTest("each place of a primitive has its own colour, if it is said", {}, asyn
     await lookAt(page, [0, 1, 1]);
     send(mock, shown([["lines", [PRIMITIVES["a line list"]]]]));
     await page.until("elk.world.drawings.list().length === 1");
-    const [red, green] = await middle(page);
+    const [red, green] = await middle(page, SCENE);
     assert(green > 200 && red < 50, "the second line of the list is green");
     await lookAt(page, [3, 3, 1]);
     send(mock, shown([["voxels", [PRIMITIVES.voxels]]]));
     await page.until("elk.world.drawings.list()[0].name === 'voxels'");
-    const cube = await middle(page);
+    const cube = await middle(page, SCENE);
     assert(cube[1] > 120 && cube[0] < 50, `the second cube is green, not ${cube}`);
 });
 
@@ -120,16 +109,16 @@ pageTest("what is drawn on the robot moves with it", {}, async ({ page, mock }) 
     await lookAt(page, [5, 2, 1]);
     send(mock, shown([["nose", [{ kind: "points", at: [[2, 0, 0]], colours: [PINK], size: 40 }], "robot"]]));
     await page.until("elk.world.drawings.list().length === 1");
-    assert(!isPink(await middle(page)), "nobody knows where the robot is");
+    assert(!isPink(await middle(page, SCENE)), "nobody knows where the robot is");
     // A quarter turn to the left: what is ahead of it is along y.
     const half = Math.SQRT1_2;
     mock.send({ type: "robot", position: [5, 0, 1], quaternion: [0, 0, half, half] });
     await page.until("elk.world.robot !== null");
-    assert(isPink(await middle(page)));
-    assert(isPink(await middleFromAbove(page)));
+    assert(isPink(await middle(page, SCENE)));
+    assert(isPink(await middle(page, PLAN)));
     mock.send({ type: "robot", position: [9, 0, 1], quaternion: [0, 0, half, half] });
     await page.until("elk.world.robot.position[0] === 9");
-    assert(!isPink(await middle(page)));
+    assert(!isPink(await middle(page, SCENE)));
 });
 
 pageTest("drawings are listed by app and name, and switched", {}, async ({ page, mock }) => {
@@ -144,18 +133,18 @@ pageTest("drawings are listed by app and name, and switched", {}, async ({ page,
     assert.deepEqual(await labels(), ["other", "c", "painter", "a", "b"]);
     const press = name => clickText(page, "#drawings label", name);
     await press("a");
-    assert(isPink(await middle(page)), "b is there still");
+    assert(isPink(await middle(page, SCENE)), "b is there still");
     assert(await page.eval("document.querySelectorAll('#drawings input')[2].indeterminate"));
     await press("b");
-    assert(!isPink(await middle(page)));
+    assert(!isPink(await middle(page, SCENE)));
     // What is drawn anew stays switched off.
     send(mock, shown([["a", [triangles]], ["b", [points]]]));
     await page.until("elk.world.drawings.list().length === 2");
-    assert(!isPink(await middle(page)));
+    assert(!isPink(await middle(page, SCENE)));
     await press("painter");
-    assert(isPink(await middle(page)), "all of an app at once");
+    assert(isPink(await middle(page, SCENE)), "all of an app at once");
     await press("painter");
-    assert(!isPink(await middle(page)));
+    assert(!isPink(await middle(page, SCENE)));
     send(mock, [{ type: "drawings", rows: [] }]);
     await page.until("document.querySelector('#drawings').hidden");
     assert.deepEqual(await drawings(page), []);
@@ -165,7 +154,7 @@ pageTest("a drawing takes the place of the one before, and its vertices leave th
     await lookAt(page, [0, 0, 1]);
     for (const colour of [GREEN, PINK]) send(mock, shown([["it", [{ ...PRIMITIVES.points, colours: [colour] }]]]));
     await page.until("elk.world.drawings.list()[0]?.primitives[0].colours[0] === 255");
-    assert(isPink(await middle(page)));
+    assert(isPink(await middle(page, SCENE)));
     const before = await page.eval(`(() => {
         window.freed = 0;
         const { gl } = elk.stage.scene, free = gl.deleteBuffer.bind(gl);
@@ -175,7 +164,7 @@ pageTest("a drawing takes the place of the one before, and its vertices leave th
     assert.equal(before, 1);
     send(mock, [{ type: "drawings", rows: [] }]);
     await page.until("elk.world.drawings.list().length === 0");
-    assert(!isPink(await middle(page)));
+    assert(!isPink(await middle(page, SCENE)));
     assert.equal(await page.eval("window.freed"), 1);
 });
 

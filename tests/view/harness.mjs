@@ -54,3 +54,30 @@ export const click = (page, selector) =>
 export const clickText = (page, within, text) =>
     page.until(`(() => {
     [...document.querySelectorAll(${JSON.stringify(within)})].find(at => at.textContent === ${JSON.stringify(text)}).click(); return true })()`);
+
+/** The 3-D picture, on the page: its `data`, four bytes a pixel, `width` and `height`. Drawn and read in one go: a canvas forgets what it showed once it has been shown. */
+export const SCENE = `(() => {
+    const { scene, colours } = elk.stage, { gl } = scene;
+    scene.draw(colours, 1, 0);
+    const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+    const data = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    return { data, width, height };
+})()`;
+
+/** The 2-D picture, on the page, in the same shape. */
+export const PLAN = `(() => {
+    const { flat, colours } = elk.stage;
+    flat.draw(colours);
+    return flat.context.getImageData(0, 0, flat.canvas.width, flat.canvas.height);
+})()`;
+
+/** The share of the 3-D picture that is not ground. */
+export const drawn = page =>
+    page.eval(`(() => {
+        const { data } = ${SCENE};
+        const ground = elk.stage.colours.ground.map(part => Math.round(255 * part));
+        let other = 0;
+        for (let i = 0; i < data.length; i += 4) if (ground.some((part, c) => Math.abs(part - data[i + c]) > 2)) other++;
+        return other / data.length * 4;
+    })()`);

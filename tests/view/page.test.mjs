@@ -10,7 +10,7 @@ import { gzipSync } from "node:zlib";
 
 import { Browser } from "./browser.mjs";
 import { Run, bricksMessage } from "./building.mjs";
-import { MIDDLE, browser, click, clickText, heard, pageTest, run } from "./harness.mjs";
+import { MIDDLE, browser, click, clickText, drawn, heard, pageTest, run } from "./harness.mjs";
 import { Mock } from "./mock.mjs";
 
 const PAGE = fileURLToPath(new URL("../../apps/view/page/", import.meta.url));
@@ -66,32 +66,20 @@ pageTest("the voxels on the page are those that were sent, as the map grows", {}
 
 pageTest("what is known is drawn, what is hidden is not, and a cut shows only what is below", {}, async ({ page }) => {
     await page.until("elk.stage.scene.chunks.waiting === 0");
-    // Drawn and read in one go: a canvas forgets what it showed once it has been shown.
-    const drawn = () =>
-        page.eval(`(() => {
-        const { scene, colours } = elk.stage, { gl } = scene;
-        scene.draw(colours, 1, 0);
-        const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
-        gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-        const ground = colours.ground.map(part => Math.round(255 * part));
-        let other = 0;
-        for (let i = 0; i < pixels.length; i += 4) if (ground.some((part, c) => Math.abs(part - pixels[i + c]) > 2)) other++;
-        return other / pixels.length * 4;
-    })()`);
     const layers = await page.eval("[...elk.world.shown]");
     const hide = (layer, shown = false) => page.eval(`elk.world.show("${layer}", ${shown})`);
     for (const layer of layers) await hide(layer);
-    assert.equal(await drawn(), 0);
+    assert.equal(await drawn(page), 0);
     await hide("occupied", true);
-    const all = await drawn();
+    const all = await drawn(page);
     assert(all > 0.1, `occupied voxels cover ${all} of the picture`);
     await page.eval("elk.world.clipAt(1)");
-    const below = await drawn();
+    const below = await drawn(page);
     assert(below > 0.02 && below < all, `${below} of ${all} is below the cut`);
     await hide("occupied", false);
     for (const layer of ["frontier", "robot", "way", "plan", "scan", "grid"]) {
         await hide(layer, true);
-        assert((await drawn()) > 0, layer);
+        assert((await drawn(page)) > 0, layer);
         await hide(layer);
     }
 });

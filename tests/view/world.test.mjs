@@ -8,7 +8,7 @@ import { test } from "node:test";
 import { readBinary } from "../../apps/view/page/binary.js";
 import { below, edgesOf, sectionOf } from "../../apps/view/page/ghost.js";
 import { boxOf, surfacesMessage } from "./building.mjs";
-import { heard, pageTest } from "./harness.mjs";
+import { PLAN, drawn, heard, pageTest } from "./harness.mjs";
 
 const asked = mock => mock.received.filter(({ type, layers }) => type === "show" && layers.includes("world")).length;
 const read = bytes => readBinary(Uint8Array.from(bytes).buffer);
@@ -23,27 +23,11 @@ async function lookAtWorld(page) {
     })()`);
 }
 
-/** The share of the 3-D picture that is not ground. */
-const drawn = page =>
-    page.eval(`(() => {
-        const { scene, colours } = elk.stage, { gl } = scene;
-        scene.draw(colours, 1, 0);
-        const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
-        gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-        const ground = colours.ground.map(part => Math.round(255 * part));
-        let other = 0;
-        for (let i = 0; i < pixels.length; i += 4) if (ground.some((part, c) => Math.abs(part - pixels[i + c]) > 2)) other++;
-        return other / pixels.length * 4;
-    })()`);
-
 /** Pixels of the 2-D picture that have the ghost's colour. */
 const drawnFlat = page =>
     page.eval(`(() => {
-        const { flat, colours } = elk.stage;
-        flat.draw(colours);
-        const { canvas, context } = flat;
-        const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
-        const ghost = colours.ghost.map(part => Math.round(255 * part));
+        const { data } = ${PLAN};
+        const ghost = elk.stage.colours.ghost.map(part => Math.round(255 * part));
         let count = 0;
         for (let i = 0; i < data.length; i += 4) if (ghost.every((part, c) => Math.abs(part - data[i + c]) < 25)) count++;
         return count;

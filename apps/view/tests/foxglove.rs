@@ -9,7 +9,6 @@ use std::process::Child;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE};
 use elk_bus::clock::Stopwatch;
@@ -111,14 +110,7 @@ impl Lab {
     }
 
     fn client(&self, name: &str) -> Client {
-        let waited = Stopwatch::start();
-        loop {
-            match Client::connect(&self.community, name) {
-                Ok(client) => return client,
-                Err(error) if waited.elapsed() > PATIENCE => panic!("{error}"),
-                Err(_) => std::thread::sleep(Duration::from_millis(20)),
-            }
-        }
+        broker::client(&self.community, name)
     }
 
     fn viewer(&self) -> Viewer {

@@ -93,14 +93,7 @@ impl Lab {
     }
 
     fn client(&self, name: &str) -> Client {
-        let waited = Stopwatch::start();
-        loop {
-            match Client::connect(&self.community, name) {
-                Ok(client) => return client,
-                Err(error) if waited.elapsed() > PATIENCE => panic!("{error}"),
-                Err(_) => std::thread::sleep(Duration::from_millis(20)),
-            }
-        }
+        broker::client(&self.community, name)
     }
 
     /// Somebody says a height, which the page comes to know.

@@ -62,7 +62,7 @@ def decide(place):
     points.append(centre(way[-1]))
     return {"Go": dict(points=points, target=voxel(target), unknown=list(map(voxel, sides)), looks=[looking(way[-1], u) for u in sides])}
 
-for said in map(json.loads, sys.stdin):
+for said in map(json.loads, sys.stdin) if __name__ == "__main__" else ():  # who imports this has mail of its own
     value = said.get("value")
     if "hello" in said:  # the volume to explore, and the robot's radius, as the mission says them
         told = lambda name, usual: [float(part.split()[0]) for part in said["hello"]["parameters"].get(name, usual).split(";")]

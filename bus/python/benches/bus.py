@@ -8,6 +8,7 @@ import os
 import statistics
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -69,13 +70,30 @@ def numbers(*command):
     return said(start(*command))
 
 
-def await_client(community, name):
-    while name not in subprocess.run([ELK, "list", "--community", community], capture_output=True, text=True).stdout:
-        time.sleep(0.05)
+class Watcher:
+    """Waits for a broker, and then for clients."""
+
+    def __init__(self, community):
+        import elk
+
+        self.names, self.news, self.client = set(), threading.Condition(), elk.comms()
+        self.client.set_on_connect_callback(lambda: self.client.register("DB_CLIENTS"))
+        self.client.set_on_mail_callback(self.look)
+        self.client.run(community, "watcher")
+        assert self.client.wait_until_connected(60_000), "there is no broker"
+
+    def look(self):
+        with self.news:
+            self.names.update(name for said in self.client.fetch() for name in said.string().split(","))
+            self.news.notify_all()
+
+    def wait_for(self, name):
+        with self.news:
+            assert self.news.wait_for(lambda: name in self.names, 60), f"{name} has not come"
 
 
-def trips(community, process):
-    await_client(community, "echo")
+def trips(community, watcher, process):
+    watcher.wait_for("echo")
     try:
         return numbers(RUST, "ping", community, TRIPS)
     finally:
@@ -83,8 +101,8 @@ def trips(community, process):
         process.wait()
 
 
-def scans(community, process):
-    await_client(community, "read")
+def scans(community, watcher, process):
+    watcher.wait_for("read")
     writer = start(RUST, "scans", community, SCANS)
     try:
         return said(process)
@@ -102,8 +120,9 @@ def main(turns):
             for who, process in processes.items():
                 community = f"bench-{os.getpid()}-{turn}"
                 broker = start(ELK, "db", "--community", community)
-                time.sleep(0.3)
-                medians.setdefault((what, who), []).append(measure(community, process(community)))
+                watcher = Watcher(community)
+                medians.setdefault((what, who), []).append(measure(community, watcher, process(community)))
+                watcher.client.close()
                 broker.terminate()
                 broker.wait()
     row = lambda *of: [statistics.median(column) for column in zip(*medians[of])]

@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
-import time
+import threading
 import unittest
 from pathlib import Path
 
@@ -16,15 +16,22 @@ PATIENCE = 60.0
 COUNT = itertools.count()
 
 
+NEWS = threading.Condition()
+
+
+def news():
+    """Something has happened: who waits looks again."""
+    with NEWS:
+        NEWS.notify_all()
+
+
 def eventually(question, what):
-    """Waits until `question()` answers something that counts, and answers that."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        answer = question()
-        if answer:
-            return answer
-        time.sleep(0.005)
-    raise AssertionError(f"{what} has not come in {PATIENCE} s")
+    """Waits until `question()` answers something that counts, asked anew at all news, and answers that."""
+    with NEWS:
+        answer = NEWS.wait_for(question, PATIENCE)
+    if not answer:
+        raise AssertionError(f"{what} has not come in {PATIENCE} s")
+    return answer
 
 
 class OnABus(unittest.TestCase):
@@ -47,8 +54,9 @@ class OnABus(unittest.TestCase):
                 pipe.close()
 
     def client(self, name, variables=()):
-        """A client that has joined and registered."""
+        """A client that has joined and registered, and whose mail is news."""
         client = elk.comms()
+        client.set_on_mail_callback(news)
         client.set_on_connect_callback(lambda: [client.register(variable) for variable in variables])
         client.run(self.community, name)
         self.addCleanup(client.close)

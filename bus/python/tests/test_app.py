@@ -124,3 +124,16 @@ class App(OnABus):
 
         heard = asyncio.run(asyncio.wait_for(listen(), PATIENCE))
         self.assertEqual(heard, [float(n) for n in range(500)])
+
+    def test_an_asyncio_loop_ends_with_its_client(self):
+        async def listen():
+            async with elk.listen(self.community, "listener", ["COUNT"]) as bus:
+                self.watcher.notify("COUNT", 7)
+                heard = []
+                async for message in bus:
+                    heard.append(message.value())
+                    closing = asyncio.get_running_loop().run_in_executor(None, bus.close)
+                await closing
+                return heard
+
+        self.assertEqual(asyncio.run(asyncio.wait_for(listen(), PATIENCE)), [7.0])

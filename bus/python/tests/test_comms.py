@@ -3,7 +3,7 @@
 import threading
 
 import elk
-from bus import PATIENCE, OnABus, eventually
+from bus import PATIENCE, OnABus, eventually, news
 
 
 class Comms(OnABus):
@@ -39,11 +39,13 @@ class Comms(OnABus):
 
         def on_mail():
             fetched.extend(message.key() for message in reader.fetch())
+            news()
             return True
 
         def on_routed(message):
             routed.append(message.value())
             threads.add(threading.current_thread().name)
+            news()
             return True
 
         reader.set_on_mail_callback(on_mail)
@@ -67,7 +69,7 @@ class Comms(OnABus):
     def test_many_threads_say_all_they_have_to(self):
         reader, writer, heard = self.client("reader"), self.client("writer"), []
         reader.register("N", lossless=True)
-        reader.set_on_mail_callback(lambda: heard.extend(one.value() for one in reader.fetch()))
+        reader.set_on_mail_callback(lambda: heard.extend(one.value() for one in reader.fetch()) or news())
         say = lambda start: [writer.notify("N", start + n) for n in range(2000)]
         threads = [threading.Thread(target=say, args=(10_000 * n,)) for n in range(4)]
         [thread.start() for thread in threads]
@@ -82,7 +84,8 @@ class Comms(OnABus):
         self.addCleanup(setattr, threading, "excepthook", before)
         reader.set_on_mail_callback(lambda: 1 // 0)
         self.client("writer").notify("SPEED", 1)
-        eventually(lambda: not reader.is_running(), "the end")
+        reader._thread.join(PATIENCE)
+        self.assertFalse(reader.is_running())
         reader.fetch()
         with self.assertRaisesRegex(elk.Error, r"reader has ended: reader: on_new_mail\(SPEED\) raised ZeroDivisionError") as told:
             reader.fetch()
@@ -95,6 +98,7 @@ class Comms(OnABus):
         self.end(self.broker)
         client = elk.comms()
         client.set_on_connect_callback(lambda: client.register("SPEED"))
+        client.set_on_mail_callback(news)
         client.run(self.community, "early")
         self.addCleanup(client.close)
         self.assertFalse(client.is_connected())

@@ -14,7 +14,8 @@ from bus import ELK, OnABus, eventually
 class Types(OnABus):
     def setUp(self):
         super().setUp()
-        self.writer = self.client("writer")
+        # Whoever has registered says how it is from then on.
+        self.writer = self.client("writer", ["*_STATUS"])
         self.reader = self.client("reader", ["SCAN", "PLAN", "NAMED", "BACK"])
 
     def start(self, element, *parameters):

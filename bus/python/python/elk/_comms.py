@@ -32,23 +32,19 @@ class _Waiting:
         self.lost = 0
 
     def put(self, message: Message) -> None:
-        if self.messages.qsize() >= MOST_WAITING:
-            try:
-                self.messages.get_nowait()
-                self.lost += 1
-            except queue.Empty:
-                pass
+        if self.messages.qsize() >= MOST_WAITING and self.next() is not None:
+            self.lost += 1
         self.messages.put(message)
 
+    def next(self) -> Optional[Message]:
+        """The oldest message; None: nothing waits."""
+        try:
+            return self.messages.get_nowait()
+        except queue.Empty:
+            return None
+
     def take(self) -> List[Message]:
-        taken = []
-        while True:
-            try:
-                message = self.messages.get_nowait()
-            except queue.Empty:
-                return taken
-            if message is not None:
-                taken.append(message)
+        return list(iter(self.next, None))
 
 
 class comms(Client):
@@ -219,9 +215,6 @@ class comms(Client):
         self._waiting.put(message)
         if self._on_mail is not None:
             self._on_mail()
-
-    def iterate(self) -> None:
-        pass
 
     def on_stop(self) -> None:
         pass

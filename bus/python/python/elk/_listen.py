@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any, Deque, List, Optional
-from collections import deque
+from typing import Any, List, Optional
 
-from ._comms import MOST_WAITING, comms
+from ._comms import comms
 from ._elk import Message
 
 
@@ -21,10 +20,9 @@ class listen(comms):
     def __init__(self, community: str, name: str, variables: List[str], **how: Any) -> None:
         super().__init__()
         self._community, self._name, self._variables, self._how = community, name, variables, how
-        self._messages: Deque[Message] = deque()
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._news: Optional[asyncio.Event] = None
-        self._given_up = 0
+        self._is_over = False
 
     async def __aenter__(self) -> "listen":
         self._loop, self._news = asyncio.get_running_loop(), asyncio.Event()
@@ -39,18 +37,17 @@ class listen(comms):
 
     async def __anext__(self) -> Message:
         assert self._news is not None, "listen is used with `async with`"
-        while not self._messages:
+        while True:
+            # Looked at before the mail: what had come by the end is handed out.
+            is_over = self._is_over
+            message = self._waiting.next()
+            if message is not None:
+                return message
             self._check()
-            if not self.is_running():
+            if is_over:
                 raise StopAsyncIteration
+            await self._news.wait()
             self._news.clear()
-            if not self._messages:
-                await self._news.wait()
-        return self._messages.popleft()
-
-    def lost(self) -> int:
-        """Messages that were given up because nobody took them."""
-        return self._given_up
 
     def _tell(self) -> None:
         try:
@@ -64,15 +61,13 @@ class listen(comms):
         super().on_start_up()
 
     def on_new_mail(self, message: Message) -> None:
-        if len(self._messages) >= MOST_WAITING:
-            self._messages.popleft()
-            self._given_up += 1
-        self._messages.append(message)
-        if len(self._messages) == 1:
+        super().on_new_mail(message)
+        if self._waiting.messages.qsize() == 1:
             self._tell()
 
     def _live(self) -> None:
         try:
             super()._live()
         finally:
+            self._is_over = True
             self._tell()
