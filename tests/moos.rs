@@ -6,10 +6,11 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::time::Duration;
 
 use common::Elk;
-use common::events::Patience;
+use common::events::{Patience, once_served};
 use common::small::small;
-use elk_bus::moos::client::MoosClient;
+use elk_bus::moos::client::{ClientError, MoosClient};
 use elk_bus::moos::hello::Manner;
+use elk_bus::{Community, ConnectError};
 use rustix::process::Signal;
 
 /// A port that nobody listens at now.
@@ -17,16 +18,15 @@ fn free_port() -> SocketAddr {
     TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
 }
 
-/// Connects as soon as somebody listens.
-fn connect(address: SocketAddr, name: &str) -> MoosClient {
-    let patience = Patience::new();
-    loop {
-        if let Ok(client) = MoosClient::connect(address, name, Manner::Asynchronous) {
-            return client;
-        }
-        patience.left("somebody listens for clients of MOOS'");
-        std::thread::sleep(Duration::from_millis(10));
-    }
+/// Connects as soon as the community's broker lets clients of MOOS' in.
+fn connect(elk: &Elk, address: SocketAddr, name: &str) -> MoosClient {
+    let community = Community::new(elk.community()).unwrap();
+    // It listens, and then makes its first files.
+    let connect = || match MoosClient::connect(address, name, Manner::Asynchronous) {
+        Err(ClientError::Io(_) | ClientError::Closed) => Err(ConnectError::NoBroker(community.clone())),
+        connected => Ok(connected.unwrap()),
+    };
+    once_served(&community, connect).unwrap()
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn a_client_of_moos_follows_a_mission_and_its_broker_s_death() {
         }
         source.unwrap()
     };
-    let mut client = connect(address, "uXMS");
+    let mut client = connect(&elk, address, "uXMS");
     assert_eq!(hear(&mut client, "DB_CLIENTS"), format!("MOOSDB_{}", elk.community()));
     assert_eq!(hear(&mut client, "SENSOR_STATUS"), "Sensor");
     common::kill(mission.process_with("db\0--community\0"), Signal::KILL);
@@ -58,7 +58,7 @@ fn a_client_of_moos_follows_a_mission_and_its_broker_s_death() {
         patience.left("the connection ends with the broker");
     }
     // As MOOS' clients do by themselves.
-    let mut client = connect(address, "uXMS");
+    let mut client = connect(&elk, address, "uXMS");
     assert_eq!(hear(&mut client, "SENSOR_STATUS"), "Sensor", "who was there has come back");
     drop(client);
     common::kill(mission.id(), Signal::TERM);

@@ -38,7 +38,7 @@ fn python(test: &str) -> bool {
 
 /// What every program here in Python begins with.
 const PRELUDE: &str = "\
-import json, os, signal, sys, time
+import json, os, signal, sys
 def say(**line): print(json.dumps(line), flush=True)
 def hear():
     for line in sys.stdin: yield json.loads(line)
@@ -117,15 +117,9 @@ fn a_program_in_a_shell_answers_and_outlives_the_broker() {
     // A client like any other: with its registration, and its word of itself.
     let client = common::lab::table(&mut asker).clients.into_iter().find(|client| client.name == "Echo").unwrap();
     assert_eq!(client.registrations[0].key_pattern, "PI*");
-    drop(asker);
 
     let Stage { lab, elk, app } = stage;
-    // Killed, it is waited for; one that ends in good order ends its clients, too.
-    drop(lab);
-    let mut lab = Lab::deaf(&elk);
-    lab.wait_for_reader("Echo");
-    let mut asker = elk.join("asker");
-    asker.comms.register("PONG").unwrap();
+    let _lab = lab.with_next_broker(&elk);
     asker.comms.notify("PING", 41.0).unwrap();
     asker.comms.flush().unwrap();
     hear(&mut asker, "an answer over the next broker", |mail| mail.as_double().filter(|number| *number == 41.0));
@@ -250,8 +244,9 @@ fn a_program_that_does_not_read_loses_its_own_mail_alone() {
     }
     let program = r#"
 next(hear())
-say(register="GO"); say(register="LOAD"); say(register="LAST"); say(publish="READY", value=1)
-while not os.path.exists("go"): time.sleep(0.01)
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR1])
+say(register="LOAD"); say(register="LAST"); say(publish="READY", value=os.getpid())
+signal.sigwait([signal.SIGUSR1])
 heard = lost = 0
 for said in hear():
     heard += said.get("mail") == "LOAD"
@@ -260,7 +255,7 @@ for said in hear():
 "#;
     let stage = Stage::python("pipe-deaf", &[], program);
     let mut reader = stage.reader("reader", &["READY", "COUNT"]);
-    hear(&mut reader, "its readiness", |mail| mail.as_double());
+    let program = hear(&mut reader, "its readiness", |mail| mail.as_double()) as i32;
     reader.comms.register(elk_bus::any("LOAD").lossless()).unwrap();
     reader.comms.flush().unwrap();
     let mut speaker = stage.elk.join("speaker");
@@ -279,7 +274,7 @@ for said in hear():
     }
     let memory = peak_memory_mb(stage.app.id());
     assert!(memory < 200, "{memory} MB");
-    std::fs::write(stage.elk.folder().join("go"), "").unwrap();
+    kill(program, Signal::USR1);
     speaker.comms.notify("LAST", 1.0).unwrap();
     speaker.comms.flush().unwrap();
     let count = json(&mut reader, "COUNT");
@@ -296,11 +291,6 @@ fn peak_memory_mb(process: i32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
     line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() / 1024
-}
-
-/// The processes below `elk pipe`, while it runs.
-fn children(app: &Launcher) -> Vec<i32> {
-    app.descendants()
 }
 
 #[test]
@@ -326,9 +316,9 @@ fn how_a_program_ends_is_how_its_app_ends() {
 const STUBBORN: &str = r#"
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 if os.fork() == 0:
-    while True: time.sleep(1)
+    while True: signal.pause()
 say(register="X"); say(publish="READY", value=1)
-while True: time.sleep(1)
+while True: signal.pause()
 "#;
 
 #[test]
@@ -340,7 +330,7 @@ fn no_process_is_left_of_a_program_that_does_not_want_to_end() {
     let mut reader = stage.reader("reader", &["READY"]);
     hear(&mut reader, "its readiness", |mail| mail.as_double());
     stage.wait_for_app();
-    let below = children(&stage.app);
+    let below = stage.app.descendants();
     assert_eq!(below.len(), 2, "{below:?}");
     kill(stage.app.id(), Signal::TERM);
     let (code, said) = stage.app.end();
@@ -359,7 +349,7 @@ fn a_program_whose_app_is_killed_ends_too() {
     }
     let mut stage = Stage::python("pipe-orphan", &["--subscribe", "X"], "for said in hear(): pass");
     stage.wait_for_app();
-    let below = children(&stage.app);
+    let below = stage.app.descendants();
     // A `python3` that looks for the right one has processes of its own at first.
     assert!(!below.is_empty());
     kill(stage.app.id(), Signal::KILL);

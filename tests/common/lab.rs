@@ -26,8 +26,15 @@ impl Lab {
 
     /// With a listener that is registered for nothing.
     pub fn deaf(elk: &Elk) -> Self {
-        let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-        Self { db: Running(db), listener: elk.join("listener") }
+        Self { db: broker(elk), listener: elk.join("listener") }
+    }
+
+    /// Kills the broker and starts another: whoever was there comes back by itself, the listener too. Under its name nobody
+    /// else is let in, as long as the process that it was in lives.
+    pub fn with_next_broker(self, elk: &Elk) -> Self {
+        let Self { db, listener } = self;
+        drop(db);
+        Self { db: broker(elk), listener }
     }
 
     /// Waits until the client of this name is registered for something.
@@ -66,6 +73,10 @@ impl Lab {
         drop(listener);
         db.stop();
     }
+}
+
+fn broker(elk: &Elk) -> Running {
+    Running(elk.command(&["db", "--community", elk.community()]).spawn().unwrap())
 }
 
 /// Who is there, after all that this client has said was taken in.

@@ -64,19 +64,10 @@ impl Elk {
         Events::in_folders([self.folder()])
     }
 
-    /// Joins the community, as soon as somebody serves it and the name is free: a client that was dropped just now may be
-    /// connected still, as its broker sees it.
+    /// Joins the community, as soon as somebody serves it.
     pub fn join(&self, name: &str) -> Client {
         let community = Community::new(self.community()).unwrap();
-        let begin = std::time::Instant::now();
-        loop {
-            match once_served(&community, || Client::connect(&community, name)) {
-                Err(taken) if taken.to_string().contains("already connected") && begin.elapsed().as_secs() < 60 => {
-                    std::thread::sleep(std::time::Duration::from_millis(20));
-                }
-                joined => return joined.unwrap(),
-            }
-        }
+        once_served(&community, || Client::connect(&community, name)).unwrap()
     }
 
     /// Waits until none of the test's processes is left.

@@ -95,17 +95,21 @@ const LATENCY: [Column; 5] = [
     column("cpu", "CPU µs/msg", 1),
 ];
 
+const FLAT_OUT: [Column; 6] = [
+    column("rate", "messages/s", 0),
+    column("lost", "lost", 0),
+    column("rss_mb", "broker MB", 1),
+    column("p50", "p50 µs", 0),
+    column("p99", "p99 µs", 0),
+    column("cpu", "CPU µs/msg", 3),
+];
+
 /// Lets the ways take turns, so that all see the same machine.
-fn compare(
-    bench: &Bench,
-    repetitions: usize,
-    turn: impl Fn(Way) -> Turn,
-    ways: &[(Way, Wanted)],
-) -> BenchResult<Vec<Row>> {
+fn compare(bench: &Bench, repetitions: usize, turn: &Turn, ways: &[(Way, Wanted)]) -> BenchResult<Vec<Row>> {
     let mut rows: Vec<Row> = ways.iter().map(|(way, wanted)| Row::new(way.title(), *wanted)).collect();
     for _ in 0..bench.repetitions(repetitions) {
         for (row, (way, _)) in rows.iter_mut().zip(ways) {
-            row.turns.push(turn(*way).play(bench, *way)?);
+            row.turns.push(turn.play(bench, *way)?);
         }
     }
     Ok(rows)
@@ -118,7 +122,7 @@ fn latency(bench: &Bench, hertz: u64) -> BenchResult {
         (Way::BareTwoHops, Wanted::RatioAtMost(0.6)),
         (Way::UnixStream, Wanted::RatioAtMost(2.2)),
     ];
-    let rows = compare(bench, TURNS, |_| Turn::to_readers(load, 1), &ways)?;
+    let rows = compare(bench, TURNS, &Turn::to_readers(load, 1), &ways)?;
     report::print(&format!("One-way, 64 B, {hertz} Hz, {} messages a turn", load.messages), &LATENCY, &rows);
     Ok(())
 }
@@ -127,20 +131,12 @@ fn fan_out(bench: &Bench) -> BenchResult {
     let load = Load::paced(SMALL, MILLISECOND, bench.share(3000));
     let ways =
         [(Way::Elk, Wanted::Nothing), (Way::BareTwoHops, Wanted::RatioAtMost(1.0)), (Way::UnixStream, Wanted::Nothing)];
-    let rows = compare(bench, TURNS, |_| Turn::to_readers(load, 4), &ways)?;
+    let rows = compare(bench, TURNS, &Turn::to_readers(load, 4), &ways)?;
     report::print("One-way 1 → 4, 64 B, 1 kHz: median p50, worst p99", &LATENCY, &rows);
     Ok(())
 }
 
 fn flat_out(bench: &Bench) -> BenchResult {
-    let columns = [
-        column("rate", "messages/s", 0),
-        column("lost", "lost", 0),
-        column("rss_mb", "broker MB", 1),
-        column("p50", "p50 µs", 0),
-        column("p99", "p99 µs", 0),
-        column("cpu", "CPU µs/msg", 3),
-    ];
     let load = Load::flat_out(SMALL, bench.share(6_000_000));
     let [single, batched] = [load, Load { batch: 150, ..load }];
     let (mut elk, mut bare, mut bare_batched) = (
@@ -154,7 +150,7 @@ fn flat_out(bench: &Bench) -> BenchResult {
         bare_batched.turns.push(Turn::to_readers(batched, 1).play(bench, Way::BareTwoHops)?);
     }
     let title = format!("64 B, 1 → 1, flat out, lossless, {} messages a turn", load.messages);
-    report::print(&title, &columns, &[elk, bare, bare_batched]);
+    report::print(&title, &FLAT_OUT, &[elk, bare, bare_batched]);
     Ok(())
 }
 
@@ -168,7 +164,7 @@ fn bursts(bench: &Bench) -> BenchResult {
     ];
     let load = Load { burst: 200, warm_up: 4000, ..Load::paced(SMALL, MILLISECOND, bench.share(400_000)) };
     let ways = [(Way::Elk, Wanted::AtMost(200.0)), (Way::BareTwoHops, Wanted::Nothing)];
-    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &ways)?;
+    let rows = compare(bench, 5, &Turn::to_readers(load, 1), &ways)?;
     report::print("64 B, 200 messages each millisecond", &columns, &rows);
     Ok(())
 }
@@ -177,7 +173,7 @@ fn bulk(bench: &Bench) -> BenchResult {
     let load = Load::paced(1 << 20, 33_333_333, bench.share(90));
     let ways =
         [(Way::Elk, Wanted::Nothing), (Way::BareDirect, Wanted::RatioAtMost(1.1)), (Way::BareTwoHops, Wanted::Nothing)];
-    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &ways)?;
+    let rows = compare(bench, 5, &Turn::to_readers(load, 1), &ways)?;
     report::print("1 MB at 30 Hz, copied in once, every byte read", &LATENCY, &rows);
     Ok(())
 }
@@ -190,7 +186,7 @@ fn cpu(bench: &Bench) -> BenchResult {
         (Way::Elk, Wanted::Nothing),
         (Way::BareTwoHops, Wanted::RatioAtMost(75.0 / 90.0)),
     ];
-    let mut rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &ways)?;
+    let mut rows = compare(bench, 5, &Turn::to_readers(load, 1), &ways)?;
     let mut timer = Row::new("an empty 1 kHz timer", Wanted::Nothing);
     for _ in 0..bench.repetitions(5) {
         timer.turns.push(empty_timer(bench, load)?);
@@ -226,7 +222,7 @@ fn memory(bench: &Bench) -> BenchResult {
     let readers = vec![prompt, lossless, slow];
     let turn = Turn { load, readers, watch_memory: true, is_beside_deaf: false };
     let ways = [(Way::Elk, Wanted::AtMost(100.0)), (Way::BareDirect, Wanted::Nothing)];
-    let rows = compare(bench, 1, |_| turn.clone(), &ways)?;
+    let rows = compare(bench, 1, &turn, &ways)?;
     let title =
         format!("Shared memory after {} scans of 2.4 MB; readers: prompt, lossless, 5 ms a scan", load.messages);
     report::print(&title, &columns, &rows);
@@ -327,7 +323,7 @@ fn idle(bench: &Bench) -> BenchResult {
 
 fn moos_latency(bench: &Bench) -> BenchResult {
     let load = Load::paced(SMALL, MILLISECOND, bench.share(1500));
-    let rows = compare(bench, TURNS, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
+    let rows = compare(bench, TURNS, &Turn::to_readers(load, 1), &OF_MOOS)?;
     report::print("One-way, 64 B, 1 kHz, with clients of MOOS'", &LATENCY, &rows);
     Ok(())
 }
@@ -335,30 +331,22 @@ fn moos_latency(bench: &Bench) -> BenchResult {
 fn moos_idle(bench: &Bench) -> BenchResult {
     let load = Load::paced(SMALL, MILLISECOND, bench.share(1500));
     let ways = [(Way::ElkBesideMoos, Wanted::Nothing), (Way::Elk, Wanted::RatioAtMost(1.05))];
-    let rows = compare(bench, 2 * TURNS, |_| Turn::to_readers(load, 1), &ways)?;
+    let rows = compare(bench, 2 * TURNS, &Turn::to_readers(load, 1), &ways)?;
     report::print("One-way, 64 B, 1 kHz, beside a gateway that nobody uses", &LATENCY, &rows);
     Ok(())
 }
 
 fn moos_flat_out(bench: &Bench) -> BenchResult {
-    let columns = [
-        column("rate", "messages/s", 0),
-        column("lost", "lost", 0),
-        column("rss_mb", "broker MB", 1),
-        column("p50", "p50 µs", 0),
-        column("p99", "p99 µs", 0),
-        column("cpu", "CPU µs/msg", 3),
-    ];
     let load = Load::flat_out(SMALL, bench.share(6_000_000));
-    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
+    let rows = compare(bench, 5, &Turn::to_readers(load, 1), &OF_MOOS)?;
     let title = format!("64 B, 1 → 1, flat out, {} messages a turn, with clients of MOOS'", load.messages);
-    report::print(&title, &columns, &rows);
+    report::print(&title, &FLAT_OUT, &rows);
     Ok(())
 }
 
 fn moos_bulk(bench: &Bench) -> BenchResult {
     let load = Load::paced(1_000_000, 33_333_333, bench.share(90));
-    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
+    let rows = compare(bench, 5, &Turn::to_readers(load, 1), &OF_MOOS)?;
     report::print("1 MB at 30 Hz, every byte read, with clients of MOOS'", &LATENCY, &rows);
     Ok(())
 }

@@ -3,15 +3,16 @@
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, Origin, TypeRef, ValueRef, any, serve_broker};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef, any, serve_broker};
 
+use crate::events::once_served;
 use crate::transport::{BenchResult, Intake, Outlet};
 
 /// The variable that is published.
 const KEY: &str = "STAR";
 const TYPE: &str = "star::Message";
 const LAYOUT: u64 = 1;
-/// How long a client tries to find the broker.
+/// How long the broker may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Serves until SIGTERM.
@@ -22,15 +23,7 @@ pub fn broker(community: &str) -> BenchResult {
 /// Joins the community as soon as its broker is there.
 pub fn join(community: &str, name: &str) -> BenchResult<Client> {
     let community = Community::new(community)?;
-    let waited = Stopwatch::start();
-    loop {
-        match Client::connect(&community, name) {
-            Err(ConnectError::NoBroker(_)) if waited.elapsed() < PATIENCE => {
-                std::thread::sleep(Duration::from_millis(2));
-            }
-            other => return Ok(other?),
-        }
-    }
+    Ok(once_served(&community, || Client::connect(&community, name))?)
 }
 
 /// Waits until the broker has done all that the client asked of it so far.

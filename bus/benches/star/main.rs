@@ -12,6 +12,7 @@
 //! | [`children`] | processes that are started, listened to, and never left behind |
 //! | [`roles`] | what such a process does; the same executable, run with `--role` |
 //! | [`transport`], [`elk`], [`moos`], [`baselines`] | the ways that a message can take |
+//! | [`events`] | waiting for a broker, as the tests do |
 //! | [`load`], [`tally`] | what is sent, and what is made of what arrives |
 //! | [`report`], [`os`] | tables, and what the operating system knows |
 
@@ -19,6 +20,8 @@ mod baselines;
 mod cases;
 mod children;
 mod elk;
+#[path = "../../tests/common/events.rs"]
+mod events;
 mod load;
 mod moos;
 mod os;

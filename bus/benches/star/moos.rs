@@ -8,13 +8,14 @@ use elk_bus::moos::client::{ClientError, MoosClient};
 use elk_bus::moos::gateway::{GatewayOptions, Listening};
 use elk_bus::moos::hello::Manner;
 use elk_bus::moos::message::Kind;
-use elk_bus::{BrokerConfig, Clock, Community, serve_broker_at};
+use elk_bus::{BrokerConfig, Clock, Community, ConnectError, serve_broker_at};
 
+use crate::events::once_served;
 use crate::transport::{BenchResult, Intake, Outlet};
 
 /// The variable that is published.
 const KEY: &str = "STAR";
-/// How long a client tries to find the broker.
+/// How long the broker may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// What waits is sent once it is so long (bytes).
 const PACKET_BYTES: usize = 32 << 10;
@@ -39,13 +40,13 @@ pub fn broker(namespace: &str) -> BenchResult {
 
 /// Connects as soon as the broker is there.
 pub fn join(namespace: &str, name: &str) -> BenchResult<MoosClient> {
-    let (address, waited) = (address(namespace)?, Stopwatch::start());
-    loop {
-        match MoosClient::connect(address, name, Manner::Asynchronous) {
-            Err(ClientError::Io(_)) if waited.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(2)),
-            other => return Ok(other?),
-        }
-    }
+    let (community, address) = (Community::new(namespace)?, address(namespace)?);
+    // It listens, and then makes its first files.
+    let connect = || match MoosClient::connect(address, name, Manner::Asynchronous) {
+        Err(ClientError::Io(_)) => Err(ConnectError::NoBroker(community.clone())),
+        other => Ok(other),
+    };
+    Ok(once_served(&community, connect)??)
 }
 
 /// Connects a hundred clients, then one under the same name again and again; how long that takes (s).

@@ -63,6 +63,10 @@ impl Way {
         matches!(self, Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos)
     }
 
+    fn is_of_elk(self) -> bool {
+        self == Way::Elk || self.is_of_moos()
+    }
+
     /// What lies between publisher and readers.
     fn middle(self) -> Option<&'static str> {
         match self {
@@ -147,7 +151,7 @@ impl Turn {
         for (number, reader) in self.readers.iter().enumerate() {
             let load = Load { lossless: reader.lossless, ..self.load };
             // Only elk lets each reader choose; elsewhere the service is what it was made as.
-            let load = if namespace.way == Way::Elk || namespace.way.is_of_moos() { load } else { self.load };
+            let load = if namespace.way.is_of_elk() { load } else { self.load };
             let more = vec![format!("reader={number}"), format!("pause_micros={}", reader.pause_micros)];
             readers.push(start("read", load, more)?);
         }
@@ -219,26 +223,21 @@ impl Namespace {
     }
 
     fn prefix(&self) -> String {
-        match self.way {
-            Way::Elk | Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => format!("elk_{}=", self.name),
-            _ => bare_iceoryx2::prefix(&self.name),
-        }
+        if self.way.is_of_elk() { format!("elk_{}=", self.name) } else { bare_iceoryx2::prefix(&self.name) }
     }
 
     fn folder(&self) -> PathBuf {
-        match self.way {
-            Way::Elk | Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => {
-                let user = rustix::process::geteuid().as_raw();
-                std::env::temp_dir().join(format!("elk-{user}")).join(&self.name)
-            }
-            _ => bare_iceoryx2::root(&self.name),
+        if self.way.is_of_elk() {
+            let user = rustix::process::geteuid().as_raw();
+            std::env::temp_dir().join(format!("elk-{user}")).join(&self.name)
+        } else {
+            bare_iceoryx2::root(&self.name)
         }
     }
 
     /// The bus clears up behind itself; the baselines, killed as they are, cannot.
     pub fn check_left(&self) -> BenchResult {
-        let left =
-            if self.way == Way::Elk || self.way.is_of_moos() { os::shared_files(&self.prefix()) } else { vec![] };
+        let left = if self.way.is_of_elk() { os::shared_files(&self.prefix()) } else { vec![] };
         if left.is_empty() { Ok(()) } else { Err(format!("left in shared memory: {left:?}").into()) }
     }
 }

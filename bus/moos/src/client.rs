@@ -146,9 +146,7 @@ impl MoosClient {
     }
 
     fn request(&mut self, kind: Kind, key: &str, number: f64) {
-        let (name, time) = (self.name.clone(), self.time());
-        let (source, key) = (name.as_bytes(), key.as_bytes());
-        self.say(&Message { source, key, number, time, ..Message::new(kind, Data::DOUBLE) });
+        self.say_own(Message { key: key.as_bytes(), number, ..Message::new(kind, Data::DOUBLE) });
     }
 
     /// Asks the server something: `ALL`, `VAR_SUMMARY`, `PROC_SUMMARY`.
@@ -174,10 +172,15 @@ impl MoosClient {
     }
 
     fn notify(&mut self, message: Message<'_>) {
-        let name = std::mem::take(&mut self.name);
-        self.say(&Message { id: self.next_id, source: name.as_bytes(), time: self.time(), ..message });
-        self.name = name;
+        self.say_own(Message { id: self.next_id, ..message });
         self.next_id += 1;
+    }
+
+    /// Says a message under the client's name, at its time.
+    fn say_own(&mut self, message: Message<'_>) {
+        let name = std::mem::take(&mut self.name);
+        self.say(&Message { source: name.as_bytes(), time: self.time(), ..message });
+        self.name = name;
     }
 
     /// Bytes that wait to be sent.

@@ -16,14 +16,14 @@ use std::net::{SocketAddr, TcpListener};
 
 use elk_os::clock::monotonic_nanos;
 use elk_os::tell;
-use elk_proto::broker::{AdmissionError, Broker, Introduction};
+use elk_proto::broker::{AdmissionError, Introduction};
 use elk_proto::host::Host;
 use elk_proto::wire::{self, ClientId, Frame, FrameKind, Header, WireError};
 
 use crate::hello::{Hello, Welcome, name_taken, put_poison};
 use crate::message::SHORTEST;
 use crate::packet::{Event, StreamError};
-use crate::session::{Session, Table};
+use crate::session::Session;
 pub use address::{Address, AddressError, GatewayError, GatewayOptions, Network};
 use answers::Answering;
 use connection::{Connection, Look, Named};
@@ -141,12 +141,36 @@ impl From<WireError> for End {
     }
 }
 
-/// The community's types.
-struct Types<'a>(&'a Broker);
+/// A round of the broker's, at `now` (s).
+struct Round<'a, E> {
+    now: f64,
+    host: &'a mut Host,
+    endpoints: &'a mut E,
+}
 
-impl Table for Types<'_> {
-    fn type_of(&self, key: &str) -> Option<(&str, u64)> {
-        self.0.type_of(key)
+impl<E: WithRemotes> Round<'_, E> {
+    /// The community's time (s), which somebody may drive.
+    fn time(&self) -> f64 {
+        self.host.broker.clock_setting().map_or(self.now, |setting| setting.time(self.now))
+    }
+
+    /// Takes a client's words into the broker.
+    fn receive(&mut self, from: ClientId, batch: &[u8]) -> Result<(), End> {
+        Ok(self.host.receive(self.now, from, batch, self.endpoints)?)
+    }
+
+    /// Says on `DB_EVENT`, and where the broker has its words, what of a client was not taken: once of each variable. MOOS
+    /// has no word for it.
+    fn say_refusals(&mut self, client: &mut Named) {
+        for refusal in client.session.take_refusals() {
+            if client.told.len() >= TOLD || client.told.contains(&refusal.key) {
+                continue;
+            }
+            let said = format!("refused={} variable={} reason={}", client.name, refusal.key, refusal.reason);
+            tell(format_args!("elk db: {said}"));
+            self.host.broker.publish_event(self.now, &said);
+            client.told.push(refusal.key);
+        }
     }
 }
 
@@ -182,6 +206,7 @@ impl Gateway {
 
     /// Takes in what has come since the last round; whether there was anything.
     pub fn take_in<E: WithRemotes>(&mut self, now: f64, host: &mut Host, endpoints: &mut E) -> bool {
+        let mut round = Round { now, host, endpoints };
         for token in self.poller.take() {
             self.knocked |= token == LISTENER;
             self.readable.insert(token);
@@ -189,9 +214,9 @@ impl Gateway {
         }
         let mut moved = self.accept();
         for token in self.readable.iter().copied().collect::<Vec<_>>() {
-            moved |= self.read(now, token, host, endpoints);
+            moved |= self.read(token, &mut round);
         }
-        self.let_go_of_the_gone(now, host, endpoints);
+        self.let_go_of_the_gone(&mut round);
         moved
     }
 
@@ -261,7 +286,7 @@ impl Gateway {
     }
 
     /// Takes in what a connection has to say, of which a round has its share; whether there was anything.
-    fn read<E: WithRemotes>(&mut self, now: f64, token: Token, host: &mut Host, endpoints: &mut E) -> bool {
+    fn read<E: WithRemotes>(&mut self, token: Token, round: &mut Round<'_, E>) -> bool {
         // It is out of the table while it is served, so that who takes its client's name finds all others there.
         let Some(mut connection) = self.connections.remove(&token) else {
             self.readable.remove(&token);
@@ -270,7 +295,7 @@ impl Gateway {
         let (mut left, mut moved) = (READ_BYTES, false);
         let end = loop {
             let client = connection.client.as_ref();
-            if left == 0 || client.is_some_and(|client| host.broker.holds_back(now, client.id)) {
+            if left == 0 || client.is_some_and(|client| round.host.broker.holds_back(round.now, client.id)) {
                 break None;
             }
             match connection.look(&mut self.buffer[..left]) {
@@ -284,7 +309,7 @@ impl Gateway {
                     (left, moved) = (left - bytes, true);
                     connection.heard_at = monotonic_nanos();
                     connection.decoder.extend(&self.buffer[..bytes]);
-                    if let Err(end) = self.understand(now, token, &mut connection, host, endpoints) {
+                    if let Err(end) = self.understand(token, &mut connection, round) {
                         break Some(end);
                     }
                 }
@@ -292,7 +317,7 @@ impl Gateway {
         };
         moved |= end.is_some();
         match end {
-            Some(end) => self.let_go(now, connection, end, host, endpoints),
+            Some(end) => self.let_go(connection, end, round),
             None => _ = self.connections.insert(token, connection),
         }
         moved
@@ -301,15 +326,13 @@ impl Gateway {
     /// What has come of a connection so far, as far as it is whole.
     fn understand<E: WithRemotes>(
         &mut self,
-        now: f64,
         token: Token,
         connection: &mut Connection,
-        host: &mut Host,
-        endpoints: &mut E,
+        round: &mut Round<'_, E>,
     ) -> Result<(), End> {
         if connection.client.is_none() {
             let Some(hello) = hello(connection)? else { return Ok(()) };
-            self.let_in(now, token, connection, hello, host, endpoints)?;
+            self.let_in(token, connection, hello, round)?;
         }
         let Connection { decoder, client: Some(client), .. } = connection else { return Ok(()) };
         let mut batch = std::mem::take(&mut self.batch);
@@ -317,7 +340,7 @@ impl Gateway {
         while taken.is_ok() {
             match decoder.next_event() {
                 Ok(Some(Event::Message { message, first })) => {
-                    client.session.take(&message, first, &Types(&host.broker), &mut batch);
+                    client.session.take(&message, first, &round.host.broker, &mut batch);
                 }
                 Ok(Some(Event::End)) => client.session.end_packet(),
                 Ok(Some(Event::TooLong { bytes })) => client.session.note_too_long(bytes, LONGEST_MESSAGE),
@@ -326,16 +349,16 @@ impl Gateway {
                 Err(error) => taken = Err(End::from(error)),
             }
             if batch.len() >= BATCH_BYTES {
-                taken = taken.and(host.receive(now, client.id, &batch, endpoints).map_err(End::from));
+                taken = taken.and(round.receive(client.id, &batch));
                 batch.clear();
             }
         }
         if !batch.is_empty() {
-            taken = taken.and(host.receive(now, client.id, &batch, endpoints).map_err(End::from));
+            taken = taken.and(round.receive(client.id, &batch));
             batch.clear();
         }
         self.batch = batch;
-        say_refusals(now, client, host);
+        round.say_refusals(client);
         if client.session.is_owed() {
             self.owed.insert(token);
         }
@@ -345,19 +368,17 @@ impl Gateway {
     /// Lets a client in that has said who it is, or tells it why not.
     fn let_in<E: WithRemotes>(
         &mut self,
-        now: f64,
         token: Token,
         connection: &mut Connection,
         hello: Hello,
-        host: &mut Host,
-        endpoints: &mut E,
+        round: &mut Round<'_, E>,
     ) -> Result<(), End> {
-        self.free_name(now, &hello.name, host, endpoints);
+        self.free_name(&hello.name, round);
         let at = monotonic_nanos();
         let who = Introduction { build: "a client of MOOS'", ..Introduction::new(&hello.name) };
         let admitted = match self.by_client.len() >= self.options.connections {
             true => Err(AdmissionError::Full(self.options.connections).to_string()),
-            false => host.join(now, &who, endpoints).map_err(|refused| match refused {
+            false => round.host.join(round.now, &who, round.endpoints).map_err(|refused| match refused {
                 AdmissionError::NameTaken(name) => name_taken(&name),
                 other => other.to_string(),
             }),
@@ -372,34 +393,34 @@ impl Gateway {
                 return Err(End::Plain);
             }
         };
-        endpoints.remotes().enter(id);
+        round.endpoints.remotes().enter(id);
         self.by_client.insert(id, token);
         let (community, hostname) = (self.community.as_str(), self.hostname.as_str());
-        Welcome { community, hostname, time: community_time(now, host) }.put(hello.time, connection.out(at));
-        let life = (now.max(0.0) * 1e3) as u64;
+        Welcome { community, hostname, time: round.time() }.put(hello.time, connection.out(at));
+        let life = (round.now.max(0.0) * 1e3) as u64;
         let session = Session::new(&hello.name, hello.manner, life, self.options.any_source);
         connection.client = Some(Named { id, name: hello.name, session, told: Vec::new() });
         self.owed.insert(token);
         // Whoever is given the session of one that died has nothing to say before it.
         let mut ready = Vec::new();
         wire::put(&mut ready, &Header::new(FrameKind::Ready), &[], &[]);
-        Ok(host.receive(now, id, &ready, endpoints)?)
+        round.receive(id, &ready)
     }
 
     /// A name's holder that has hung up, or given no sign of life, makes room for the next: who comes back at once finds its
     /// name free, however late the news of its end would come.
-    fn free_name<E: WithRemotes>(&mut self, now: f64, name: &str, host: &mut Host, endpoints: &mut E) {
-        let Some(token) = host.broker.client_named(name).and_then(|id| self.by_client.get(&id).copied()) else {
+    fn free_name<E: WithRemotes>(&mut self, name: &str, round: &mut Round<'_, E>) {
+        let Some(token) = round.host.broker.client_named(name).and_then(|id| self.by_client.get(&id).copied()) else {
             return;
         };
         self.readable.insert(token);
-        while self.readable.contains(&token) && self.read(now, token, host, endpoints) {}
+        while self.readable.contains(&token) && self.read(token, round) {}
         let silent_for = |connection: &Connection| monotonic_nanos().saturating_sub(connection.heard_at);
         if self.connections.get(&token).is_some_and(|connection| silent_for(connection) > SILENCE_OF_A_HOLDER)
             && let Some(connection) = self.connections.remove(&token)
         {
             let why = "it has given no sign of life, and another client comes under its name".to_owned();
-            self.let_go(now, connection, End::For(why), host, endpoints);
+            self.let_go(connection, End::For(why), round);
         }
     }
 
@@ -409,23 +430,24 @@ impl Gateway {
             self.owed.clear();
             return false;
         }
-        for id in endpoints.remotes().take_retiring() {
+        let mut round = Round { now, host, endpoints };
+        for id in round.endpoints.remotes().take_retiring() {
             if let Some(connection) = self.by_client.get(&id).and_then(|token| self.connections.remove(token)) {
-                self.let_go(now, connection, End::Plain, host, endpoints);
+                self.let_go(connection, End::Plain, &mut round);
             }
         }
-        let with_mail = host.broker.with_mail().filter_map(|id| self.by_client.get(&id));
+        let with_mail = round.host.broker.with_mail().filter_map(|id| self.by_client.get(&id));
         self.owed.extend(with_mail);
         let mut moved = false;
         for token in std::mem::take(&mut self.owed) {
             let Some(mut connection) = self.connections.remove(&token) else { continue };
-            match self.give(now, token, &mut connection, host, endpoints) {
+            match self.give(token, &mut connection, &mut round) {
                 Ok(given) => {
                     moved |= given;
                     self.connections.insert(token, connection);
                 }
                 // The other end is gone.
-                Err(_) => self.let_go(now, connection, End::Plain, host, endpoints),
+                Err(_) => self.let_go(connection, End::Plain, &mut round),
             }
         }
         moved
@@ -433,11 +455,9 @@ impl Gateway {
 
     fn give<E: WithRemotes>(
         &mut self,
-        now: f64,
         token: Token,
         connection: &mut Connection,
-        host: &mut Host,
-        endpoints: &mut E,
+        round: &mut Round<'_, E>,
     ) -> io::Result<bool> {
         for packets in 0..PACKETS_A_ROUND {
             let at = monotonic_nanos();
@@ -447,8 +467,8 @@ impl Gateway {
             }
             let Some(client) = &mut connection.client else { return Ok(false) };
             let (id, given) = (client.id, client.session.given());
-            endpoints.remotes().note_handled(id, given, at);
-            host.broker.note_handled(now, id, given, &mut self.spare);
+            round.endpoints.remotes().note_handled(id, given, at);
+            round.host.broker.note_handled(round.now, id, given, &mut self.spare);
             self.spare.truncate(PACKETS_A_ROUND);
             if !client.session.may_be_told() {
                 return Ok(packets > 0);
@@ -456,9 +476,10 @@ impl Gateway {
             let mut batch = self.spare.pop().unwrap_or_default();
             batch.clear();
             let waiting = || self.connections.values().map(Connection::waiting).sum::<usize>();
-            if host.broker.may_give(id) {
-                let copy = |frame: &Frame<'_>, batch: &mut Vec<u8>| copy_bulk(frame, waiting(), endpoints, batch);
-                host.broker.take_mail(id, BATCH_BYTES, &mut batch, copy);
+            if round.host.broker.may_give(id) {
+                let copy =
+                    |frame: &Frame<'_>, batch: &mut Vec<u8>| copy_bulk(frame, waiting(), &*round.endpoints, batch);
+                round.host.broker.take_mail(id, BATCH_BYTES, &mut batch, copy);
             }
             if batch.is_empty() && !client.session.is_owed() {
                 return Ok(packets > 0);
@@ -468,15 +489,15 @@ impl Gateway {
                 // As what the server does not know: the asker waits for 2 s, and asks again.
                 requests.clear();
             }
-            let answering = Answering { broker: &host.broker, requests };
-            let time = community_time(now, host);
+            let answering = Answering { broker: &round.host.broker, requests };
+            let time = round.time();
             let mut out = std::mem::take(connection.out(at));
             let Connection { client: Some(client), .. } = connection else { return Ok(false) };
             client.session.put_packet(time, &batch, &mut { answering }, &mut out);
-            say_refusals(now, client, host);
+            round.say_refusals(client);
             *connection.out(at) = out;
             if !batch.is_empty() {
-                host.broker.keep_given(id, batch);
+                round.host.broker.keep_given(id, batch);
             }
         }
         // There is more, and others have their turn first.
@@ -485,7 +506,7 @@ impl Gateway {
     }
 
     /// Lets go of connections that are silent, or take nothing.
-    fn let_go_of_the_gone<E: WithRemotes>(&mut self, now: f64, host: &mut Host, endpoints: &mut E) {
+    fn let_go_of_the_gone<E: WithRemotes>(&mut self, round: &mut Round<'_, E>) {
         if self.connections.is_empty() {
             return;
         }
@@ -506,19 +527,12 @@ impl Gateway {
             if let Some(why) = overdue(connection, at)
                 && let Some(connection) = self.connections.remove(&token)
             {
-                self.let_go(now, connection, End::For(why), host, endpoints);
+                self.let_go(connection, End::For(why), round);
             }
         }
     }
 
-    fn let_go<E: WithRemotes>(
-        &mut self,
-        now: f64,
-        connection: Connection,
-        end: End,
-        host: &mut Host,
-        endpoints: &mut E,
-    ) {
+    fn let_go<E: WithRemotes>(&mut self, connection: Connection, end: End, round: &mut Round<'_, E>) {
         let Some(client) = connection.client else {
             if let End::For(why) = end {
                 let said = format!("letting go of a connection from {}, and of others like it: {why}", connection.from);
@@ -530,8 +544,8 @@ impl Gateway {
             tell(format_args!("elk db: letting go of {}, a client of MOOS': {why}", client.name));
         }
         self.by_client.remove(&client.id);
-        let progress = endpoints.remotes().leave(client.id);
-        host.leave(now, client.id, progress, true, endpoints);
+        let progress = round.endpoints.remotes().leave(client.id);
+        round.host.leave(round.now, client.id, progress, true, round.endpoints);
     }
 }
 
@@ -555,25 +569,6 @@ fn hello(connection: &mut Connection) -> Result<Option<Hello>, End> {
     // It is let go of all the same.
     let _ = connection.flush(at);
     Err(End::For(reason))
-}
-
-/// Says on `DB_EVENT`, and where the broker has its words, what of a client was not taken: once of each variable. MOOS has
-/// no word for it.
-fn say_refusals(now: f64, client: &mut Named, host: &mut Host) {
-    for refusal in client.session.take_refusals() {
-        if client.told.len() >= TOLD || client.told.contains(&refusal.key) {
-            continue;
-        }
-        let said = format!("refused={} variable={} reason={}", client.name, refusal.key, refusal.reason);
-        tell(format_args!("elk db: {said}"));
-        host.broker.publish_event(now, &said);
-        client.told.push(refusal.key);
-    }
-}
-
-/// The community's time (s), which somebody may drive.
-fn community_time(now: f64, host: &Host) -> f64 {
-    host.broker.clock_setting().map_or(now, |setting| setting.time(now))
 }
 
 /// Puts a copy in the place of a value that lies in shared memory; one that is gone, or for which there is no room, goes as

@@ -3,10 +3,10 @@
 
 mod down;
 mod refusal;
-mod table;
 mod up;
 mod wildcard;
 
+use elk_proto::broker::Broker;
 use elk_proto::wire::{self, Frame, FrameKind};
 
 use crate::hello::Manner;
@@ -15,7 +15,7 @@ use crate::packet::PacketWriter;
 use down::Down;
 pub use down::data_of;
 pub use refusal::Refusal;
-pub use table::{BYTES_TYPE, Table};
+pub use up::BYTES_TYPE;
 use up::Up;
 
 /// What a client asks the server, in the order in which it is answered.
@@ -77,10 +77,10 @@ impl Session {
     }
 
     /// Takes a message of the client's, the `first` of its packet or a later one; what it says to the broker is appended
-    /// to `batch`.
-    pub fn take(&mut self, message: &Message<'_>, first: bool, table: &impl Table, batch: &mut Vec<u8>) {
+    /// to `batch`. Bytes are of the type that their variable carries in `broker`.
+    pub fn take(&mut self, message: &Message<'_>, first: bool, broker: &Broker, batch: &mut Vec<u8>) {
         let said = match message.kind {
-            Kind::NOTIFY => self.up.notify(message, table, batch),
+            Kind::NOTIFY => self.up.notify(message, broker, batch),
             Kind::REGISTER => self.up.register(message, FrameKind::Register, batch),
             Kind::UNREGISTER => self.up.register(message, FrameKind::Unregister, batch),
             Kind::WILDCARD_REGISTER => self.up.wildcard(message, FrameKind::Register, batch),

@@ -141,11 +141,10 @@ impl PipeApp {
             self.program.iter().for_each(|program| program.wait(LOOK_EVERY));
             match self.hear() {
                 None => {}
-                Some(Heard::Line(line, Ok(said))) => match Said::of(&said) {
+                Some(Heard::Line(line, said)) => match said.and_then(|said| Said::of(&said)) {
                     Ok(said) => ready = self.prepare(comms, line, said)?,
                     Err(reason) => self.refuse(comms, None, line, &reason),
                 },
-                Some(Heard::Line(line, Err(reason))) => self.refuse(comms, None, line, &reason),
                 Some(Heard::Ended(status)) => return self.over(comms, status),
             }
         }
@@ -276,7 +275,7 @@ impl PipeApp {
             self.program.iter().for_each(|program| program.wait(LOOK_EVERY));
             match self.hear() {
                 Some(Heard::Ended(_)) => return Ok(true),
-                Some(Heard::Line(line, Ok(said))) => match Said::of(&said) {
+                Some(Heard::Line(line, said)) => match said.and_then(|said| Said::of(&said)) {
                     // Who is about to go is not told any more what a variable carries.
                     Ok(Said::Publish(said)) if self.carried.contains_key(&said.variable) => {
                         self.obey(comms, line, Said::Publish(said), None)?;
@@ -284,7 +283,7 @@ impl PipeApp {
                     Ok(Said::Log(words)) => self.obey(comms, line, Said::Log(words), None)?,
                     _ => {}
                 },
-                Some(Heard::Line(..)) | None => {}
+                None => {}
             }
         }
         Ok(false)

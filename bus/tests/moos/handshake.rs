@@ -10,7 +10,7 @@ use elk_bus::moos::packet::greeting;
 use elk_bus::{Client, RunOptions};
 
 use crate::common::events::Patience;
-use crate::server::{Served, hear, wait_for_end};
+use crate::server::{MOMENT, Served, hear, wait_for_end};
 
 #[test]
 fn a_client_is_welcomed_with_community_host_and_true_skew() {
@@ -92,7 +92,8 @@ fn a_holder_that_gives_no_sign_of_life_makes_room_for_who_wants_its_name() {
         patience.left("the name is free");
         match MoosClient::connect(served.address, "nav", Manner::Asynchronous) {
             Ok(client) => break client,
-            Err(ClientError::Poisoned(_)) => std::thread::sleep(Duration::from_millis(50)),
+            // It asks again in a moment, or when the holder's connection ends: of a silence nobody is told.
+            Err(ClientError::Poisoned(_)) => _ = hung.read(MOMENT, &mut |_| {}),
             Err(error) => panic!("{error}"),
         }
     };
@@ -113,8 +114,8 @@ fn whoever_says_nothing_or_something_else_holds_nobody_up_and_is_let_go_of() {
     hear(&mut client, "others are served", |heard| !heard.is_empty());
     let mut wrong = connect();
     wrong.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n").unwrap();
-    let ends = |stream: &mut TcpStream| {
-        stream.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
+    let ends = |stream: &mut TcpStream, timeout: Duration| {
+        stream.set_read_timeout(Some(timeout)).unwrap();
         match stream.read(&mut [0; 64]) {
             Ok(0) => true,
             Ok(_) => panic!("nothing is said to it"),
@@ -123,16 +124,15 @@ fn whoever_says_nothing_or_something_else_holds_nobody_up_and_is_let_go_of() {
     };
     let patience = Patience::new();
     let mut dribbled = greeting().into_iter().take(31);
-    while !ends(&mut slow) {
+    while !ends(&mut slow, Duration::from_millis(200)) {
         patience.left("a slow one is let go of");
-        std::thread::sleep(Duration::from_millis(200));
         if let Some(byte) = dribbled.next() {
             let _ = slow.write_all(&[byte]);
         }
         client.flush().unwrap();
     }
     for mut stream in silent.into_iter().chain([wrong]) {
-        while !ends(&mut stream) {
+        while !ends(&mut stream, MOMENT) {
             patience.left("a silent one is let go of");
             client.flush().unwrap();
         }

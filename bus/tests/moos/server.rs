@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -13,7 +14,7 @@ use elk_bus::moos::message::{Data, Kind, Message};
 use elk_bus::shm::Server;
 use elk_bus::{BrokerConfig, Client, Clock, Community};
 
-use crate::common::events::Patience;
+use crate::common::events::{Patience, WATCHDOG};
 
 /// A short wait for mail: it is looked for again and again.
 pub const MOMENT: Duration = Duration::from_millis(20);
@@ -36,20 +37,17 @@ impl Served {
         let options = change(GatewayOptions::new("127.0.0.1:0".parse().unwrap()));
         let listening = Listening::at(options).unwrap();
         let address = listening.address().unwrap();
-        let (stop, stopped) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+        let stop = Arc::new(AtomicBool::new(false));
         let config = BrokerConfig::new(community.as_str());
         // The server is made where it runs; nobody connects before it is there.
-        let (served, running, ready) = (community.clone(), stop.clone(), stopped.clone());
+        let (served, running) = (community.clone(), stop.clone());
+        let (ready, is_ready) = channel();
         let thread = std::thread::spawn(move || {
             let mut server = Server::start(served, config, Clock::new(1.0), Some(listening)).unwrap();
-            ready.store(true, Ordering::Release);
+            ready.send(()).unwrap();
             server.run(&running);
         });
-        let patience = Patience::new();
-        while !stopped.load(Ordering::Acquire) {
-            patience.left("a broker starts");
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        is_ready.recv_timeout(WATCHDOG).expect("a broker starts");
         Self { community, address, stop, thread: Some(thread) }
     }
 

@@ -5,20 +5,12 @@
 use elk_bus::broker::{Broker, BrokerConfig};
 use elk_bus::moos::hello::{Hello, Manner};
 use elk_bus::moos::packet::{Decoder, Event};
-use elk_bus::moos::session::{Session, Table};
+use elk_bus::moos::session::Session;
 use elk_bus::{Introduction, wire};
 use libfuzzer_sys::fuzz_target;
 
 /// The longest message that is taken (bytes).
 const LONGEST: usize = 1 << 12;
-
-struct Types<'a>(&'a Broker);
-
-impl Table for Types<'_> {
-    fn type_of(&self, key: &str) -> Option<(&str, u64)> {
-        self.0.type_of(key)
-    }
-}
 
 fuzz_target!(|data: &[u8]| {
     let Some(([piece, manner, any_source], said)) = data.split_first_chunk() else { return };
@@ -36,7 +28,7 @@ fuzz_target!(|data: &[u8]| {
             match decoder.next_event() {
                 Ok(Some(Event::Message { message, first })) => {
                     let _ = Hello::read(&message);
-                    session.take(&message, first, &Types(&broker), &mut batch);
+                    session.take(&message, first, &broker, &mut batch);
                 }
                 Ok(Some(Event::End)) => session.end_packet(),
                 Ok(Some(Event::TooLong { bytes })) => session.note_too_long(bytes, LONGEST),

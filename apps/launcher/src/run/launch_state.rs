@@ -61,7 +61,6 @@ pub(crate) struct AppState {
     type_name: Option<String>,
     exec: Option<(PathBuf, Vec<String>)>,
     /// The executable reads and writes lines.
-    #[serde(default)]
     piped: bool,
     /// What was set of its parameters.
     settings: Vec<(String, String)>,

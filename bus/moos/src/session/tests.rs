@@ -18,14 +18,6 @@ struct Citizen {
     session: Session,
 }
 
-struct Types<'a>(&'a Broker);
-
-impl Table for Types<'_> {
-    fn type_of(&self, key: &str) -> Option<(&str, u64)> {
-        self.0.type_of(key)
-    }
-}
-
 /// A message as its reader has it.
 #[derive(Debug, Clone, PartialEq)]
 struct Heard {
@@ -53,7 +45,7 @@ impl Town {
     fn say(&mut self, who: &mut Citizen, messages: &[Message<'_>]) {
         let mut batch = Vec::new();
         for (index, message) in messages.iter().enumerate() {
-            who.session.take(message, index == 0, &Types(&self.broker), &mut batch);
+            who.session.take(message, index == 0, &self.broker, &mut batch);
         }
         who.session.end_packet();
         self.broker.receive(self.now, who.id, &batch).unwrap();

@@ -2,12 +2,15 @@
 
 use std::collections::HashMap;
 
+use elk_proto::broker::Broker;
 use elk_proto::wire::{self, FrameKind, Header, Named, ValueKind};
 
 use super::refusal::Refusal;
-use super::table::{BYTES_TYPE, Table};
 use super::wildcard::Wildcard;
 use crate::message::{Data, Message, NO_NUMBER};
+
+/// The type of bytes of which MOOS says nothing more.
+pub const BYTES_TYPE: &str = "MOOS binary";
 
 /// Names that a session gives numbers to, of one kind; beyond them the broker has long refused more.
 const MOST_NAMES: usize = 1 << 16;
@@ -21,8 +24,9 @@ pub struct Up {
     any_source: bool,
     keys: Numbers,
     sources: Numbers,
-    types: Numbers,
     communities: Numbers,
+    /// Types by their numbers, with their layouts: two versions of one are two, and a client publishes few.
+    types: Vec<(Box<str>, u64)>,
 }
 
 /// Names of one kind, by their numbers.
@@ -42,19 +46,19 @@ impl Numbers {
     }
 
     /// The number of a name; a new one is introduced in `batch`.
-    fn number(&mut self, name: &[u8], layout: u64, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
+    fn number(&mut self, name: &[u8], batch: &mut Vec<u8>) -> Result<u32, Refusal> {
         if let Some((_, number)) = self.last.as_ref().filter(|(last, _)| **last == *name) {
             return Ok(*number);
         }
         let number = match self.known.get(name) {
             Some(number) => *number,
-            None => self.introduce(name, layout, batch)?,
+            None => self.introduce(name, batch)?,
         };
         self.last = Some((name.into(), number));
         Ok(number)
     }
 
-    fn introduce(&mut self, name: &[u8], layout: u64, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
+    fn introduce(&mut self, name: &[u8], batch: &mut Vec<u8>) -> Result<u32, Refusal> {
         let text = text(name, name)?;
         if text.len() > wire::MAX_NAME {
             let reason = format!("a name of {} bytes; at most {} are allowed", text.len(), wire::MAX_NAME);
@@ -65,7 +69,7 @@ impl Numbers {
             return Err(Refusal { key: shown(name), reason });
         }
         let number = self.first + self.known.len() as u32;
-        wire::put_definition(batch, self.what, number, text, layout, "");
+        wire::put_definition(batch, self.what, number, text, 0, "");
         self.known.insert(name.into(), number);
         Ok(number)
     }
@@ -81,13 +85,13 @@ impl Up {
             keys: Numbers::new(Named::Key, 0),
             // 0 is the client itself, and the broker's own community.
             sources: Numbers::new(Named::Source, 1),
-            types: Numbers::new(Named::Type, 0),
             communities: Numbers::new(Named::Community, 1),
+            types: Vec::new(),
         }
     }
 
     /// A message that the client publishes.
-    pub fn notify(&mut self, message: &Message<'_>, table: &impl Table, batch: &mut Vec<u8>) -> Result<(), Refusal> {
+    pub fn notify(&mut self, message: &Message<'_>, broker: &Broker, batch: &mut Vec<u8>) -> Result<(), Refusal> {
         let refused = |reason: &str| Err(Refusal { key: shown(message.key), reason: reason.to_owned() });
         if !message.time.is_finite() {
             return refused("its time is no number");
@@ -103,14 +107,14 @@ impl Up {
             return refused("its text is not UTF-8: right is UTF-8, or binary data (NotifyBinary)");
         }
         text(message.source_aux, message.key)?;
-        let key = self.keys.number(message.key, 0, batch)?;
+        let key = self.keys.number(message.key, batch)?;
         let type_ = match value_kind {
-            ValueKind::Binary => self.type_of(message.key, table, batch)?,
+            ValueKind::Binary => self.type_of(message.key, broker, batch)?,
             _ => 0,
         };
         let community = match message.community {
             b"" => 0,
-            other => self.communities.number(other, 0, batch)?,
+            other => self.communities.number(other, batch)?,
         };
         let (source, aux) = self.source(message, batch)?;
         let header = Header {
@@ -136,34 +140,21 @@ impl Up {
             return Ok((0, source_aux));
         }
         if self.any_source {
-            return Ok((self.sources.number(source, 0, batch)?, source_aux));
+            return Ok((self.sources.number(source, batch)?, source_aux));
         }
         text(source, message.key)?;
         Ok((0, if source_aux.is_empty() { source } else { source_aux }))
     }
 
     /// The type of bytes: that of the variable, if it has one.
-    fn type_of(&mut self, key: &[u8], table: &impl Table, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
-        let (name, layout) = table.type_of(text(key, key)?).unwrap_or((BYTES_TYPE, 0));
-        // Two versions of one type are two types.
-        let mut id = name.as_bytes().to_vec();
-        let number = self.types.last.as_ref().filter(|(last, _)| is_type(last, &id, layout)).map(|(_, number)| *number);
-        if let Some(number) = number {
-            return Ok(number);
-        }
-        id.push(0);
-        id.extend_from_slice(&layout.to_le_bytes());
-        let number = match self.types.known.get(&*id) {
-            Some(number) => *number,
-            None => {
-                let number = self.types.known.len() as u32;
-                wire::put_definition(batch, Named::Type, number, name, layout, "");
-                self.types.known.insert(id.as_slice().into(), number);
-                number
-            }
-        };
-        self.types.last = Some((id.into(), number));
-        Ok(number)
+    fn type_of(&mut self, key: &[u8], broker: &Broker, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
+        let (name, layout) = broker.type_of(text(key, key)?).unwrap_or((BYTES_TYPE, 0));
+        let known = self.types.iter().position(|(known, version)| **known == *name && *version == layout);
+        Ok(known.unwrap_or_else(|| {
+            wire::put_definition(batch, Named::Type, self.types.len() as u32, name, layout, "");
+            self.types.push((name.into(), layout));
+            self.types.len() - 1
+        }) as u32)
     }
 
     /// A subscription to a variable, or its end.
@@ -184,10 +175,6 @@ impl Up {
 fn put_registration(batch: &mut Vec<u8>, kind: FrameKind, keys: &str, sources: &str, interval: f64) {
     let header = Header { time: interval, ..Header::new(kind) };
     wire::put(batch, &header, keys.as_bytes(), sources.as_bytes());
-}
-
-fn is_type(id: &[u8], name: &[u8], layout: u64) -> bool {
-    id.strip_prefix(name).and_then(|rest| rest.strip_prefix(&[0])) == Some(&layout.to_le_bytes())
 }
 
 /// A number's bytes, and those of the second.
