@@ -1,28 +1,15 @@
 //! One pair of a stereo camera, without a mission: what comes of it, and what is said of one that is none.
 
+#[path = "../apps/stereo/examples/rectified.rs"]
+#[allow(dead_code)] // The example's own `main`.
+mod rectified;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use elk_stereo::{Camera, Image, calibration};
+use elk_stereo::{Image, calibration};
+use rectified::CALIBRATION;
 use tempfile::TempDir;
-
-const CALIBRATION: &str = "%YAML:1.0
----
-image_width: 320
-image_height: 240
-M1: !!opencv-matrix
-   data: [ 200., 0., 160., 0., 200., 120., 0., 0., 1. ]
-D1: !!opencv-matrix
-   data: [ -0.2, 0.03, 0., 0. ]
-M2: !!opencv-matrix
-   data: [ 200., 0., 158., 0., 200., 121., 0., 0., 1. ]
-D2: !!opencv-matrix
-   data: [ -0.2, 0.03, 0., 0. ]
-R: !!opencv-matrix
-   data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
-T: !!opencv-matrix
-   data: [ -0.12, 0., 0. ]
-";
 
 /// A folder with a pair of a wall 1.5 m ahead, as two cameras see it whose lenses bend it, and their calibration.
 struct Case(TempDir);
@@ -30,18 +17,9 @@ struct Case(TempDir);
 impl Case {
     fn new() -> Self {
         let case = Self(tempfile::tempdir().unwrap());
-        let cameras = calibration::opencv(CALIBRATION).unwrap();
-        let waves =
-            |x: f64, y: f64| (90.0 * x + 40.0 * (7.0 * y).sin()).sin() + (70.0 * y + 50.0 * (9.0 * x).sin()).sin();
-        let view = |camera: Camera, from: f64| {
-            let grey = |row: usize, column: usize| {
-                let [x, y] = camera.ray([column as f64, row as f64]);
-                (128.0 + 60.0 * waves(from + 1.5 * x, 1.5 * y)) as u8
-            };
-            Image::from_fn(320, 240, grey).unwrap()
-        };
-        case.picture("left.png", &view(cameras.left, 0.0));
-        case.picture("right.png", &view(cameras.right, 0.12));
+        let [left, right] = rectified::wall(&calibration::opencv(CALIBRATION).unwrap()).unwrap();
+        case.picture("left.png", &left);
+        case.picture("right.png", &right);
         case.picture("small.png", &Image::from_fn(160, 120, |_, _| 7).unwrap());
         case.picture("black.png", &Image::from_fn(320, 240, |_, _| 0).unwrap());
         case.write("cameras.yaml", CALIBRATION.as_bytes());

@@ -5,14 +5,17 @@
 
 #[path = "../../../tests/common/data.rs"]
 mod data;
-#[path = "common/stopwatch.rs"]
+#[path = "common/pose.rs"]
+mod pose;
+#[path = "../../../tests/common/stopwatch.rs"]
 mod stopwatch;
 
 use std::path::Path;
 use std::process::Command;
 
 use elk_registration::{Cloud, Icp, IcpConfig, Map, Resolution};
-use nalgebra::{Isometry3, Matrix4, Point3, Rotation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3};
+use pose::pose;
 
 /// The points of a binary PLY file of 32-bit floats, the first three of each the coordinates.
 fn ply(path: &Path) -> Vec<Point3<f32>> {
@@ -24,14 +27,6 @@ fn ply(path: &Path) -> Vec<Point3<f32>> {
     let numbers: Vec<f32> =
         bytes[end + END.len()..].as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
     numbers.chunks_exact(properties).map(|one| Point3::new(one[0], one[1], one[2])).collect()
-}
-
-/// A pose of sixteen numbers, row by row.
-fn pose<'a>(words: impl Iterator<Item = &'a str>) -> Isometry3<f64> {
-    let matrix = Matrix4::from_row_iterator(words.map(|word| word.parse::<f64>().unwrap()));
-    let rotation = Rotation3::from_matrix(&matrix.fixed_view::<3, 3>(0, 0).into_owned());
-    let position = matrix.fixed_view::<3, 1>(0, 3).into_owned();
-    Isometry3::from_parts(position.into(), UnitQuaternion::from_rotation_matrix(&rotation))
 }
 
 struct Clouds {

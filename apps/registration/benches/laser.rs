@@ -7,7 +7,7 @@
 
 #[path = "../../../tests/common/data.rs"]
 mod data;
-#[path = "common/stopwatch.rs"]
+#[path = "../../../tests/common/stopwatch.rs"]
 mod stopwatch;
 
 use std::collections::BTreeSet;

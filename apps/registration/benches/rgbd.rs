@@ -5,13 +5,16 @@
 
 #[path = "../../../tests/common/data.rs"]
 mod data;
-#[path = "common/stopwatch.rs"]
+#[path = "common/pose.rs"]
+mod pose;
+#[path = "../../../tests/common/stopwatch.rs"]
 mod stopwatch;
 
 use std::path::Path;
 
 use elk_registration::{DepthCamera, IcpConfig, Resolution, Tracked, Tracker, TrackerConfig};
-use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use pose::pose;
 
 const CAMERA: DepthCamera =
     DepthCamera { focal: [585.0, 585.0], centre: [320.0, 240.0], unit: 0.001, range: [0.3, 4.5] };
@@ -27,13 +30,10 @@ fn png(path: &Path) -> (Vec<u16>, usize) {
     (counts.collect(), info.width as usize)
 }
 
-/// Camera → world, of sixteen numbers, row by row.
-fn pose(path: &Path) -> Isometry3<f64> {
+/// Camera → world.
+fn camera_pose(path: &Path) -> Isometry3<f64> {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let matrix = Matrix4::from_row_iterator(text.split_whitespace().map(|word| word.parse::<f64>().unwrap()));
-    let rotation = Rotation3::from_matrix(&matrix.fixed_view::<3, 3>(0, 0).into_owned());
-    let position = matrix.fixed_view::<3, 1>(0, 3).into_owned();
-    Isometry3::from_parts(position.into(), UnitQuaternion::from_rotation_matrix(&rotation))
+    pose(text.split_whitespace())
 }
 
 /// The rigid motion that takes positions nearest to others.
@@ -82,7 +82,7 @@ fn main() {
     }
     let frame = |i: usize, kind: &str| folder.join(format!("frame-{i:06}.{kind}"));
     let numbers: Vec<usize> = (0..1000).filter(|&i| frame(i, "depth.png").is_file()).collect();
-    let truth: Vec<_> = numbers.iter().map(|&i| pose(&frame(i, "pose.txt"))).collect();
+    let truth: Vec<_> = numbers.iter().map(|&i| camera_pose(&frame(i, "pose.txt"))).collect();
     let way: f64 = truth.windows(2).map(|pair| (pair[1].translation.vector - pair[0].translation.vector).norm()).sum();
     println!("{} frames, {way:.3} m of way", numbers.len());
     println!("| voxel, every so many pixels | lost | off, begun alike | off, aligned | at the end | ms a frame |");

@@ -8,7 +8,7 @@ use elk_map::{MapConfig, OccupancyMap};
 use elk_sensor::simulated_stereo::{Eyes, Look, Settings, SimulatedStereo};
 use elk_sensor::simulator::{self, Simulator};
 use elk_sensor::surroundings::{Body, random_start};
-use elk_sensor::{AppError, Camera, Capture, DepthSource, Points, Pose};
+use elk_sensor::{AppError, Camera, Capture, DepthSource, Pose};
 use elk_stereo::{Matcher, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
 use elk_world::{Placement, World};
 
@@ -21,9 +21,11 @@ fn main() -> Result<(), AppError> {
         let camera = Camera::new(width, height, 75_f64.to_radians());
         let body = || Body::new(world.clone(), places[0], 0.05);
         let mut exact = Simulator::new(body(), simulator::Settings { camera, ..simulator::Settings::default() });
-        let seen = |capture: &Capture, exact: &mut Simulator| exact.scan(capture).map(|_| ());
-        let times = places.iter().enumerate().map(|(i, &pose)| timed(|| seen(&capture(i, pose), &mut exact)));
-        say(&format!("{width} × {height}, depth camera"), times.collect::<Result<_, _>>()?);
+        let mut times = Vec::new();
+        for (i, &pose) in places.iter().enumerate() {
+            timed(&mut times, || exact.scan(&capture(i, pose)))?;
+        }
+        say(&format!("{width} × {height}, depth camera"), times);
         for name in ["SAD5", "semi-global"] {
             let eyes = Eyes { camera, baseline_m: 0.12, noise: 1.0, seed: 1 };
             let settings = Settings { eyes, look: Look { contrast: 20.0, blank: 0.0, seed: 1 }, range: None };
@@ -32,22 +34,13 @@ fn main() -> Result<(), AppError> {
             let (mut rendering, mut matching, mut mapping) = (Vec::new(), Vec::new(), Vec::new());
             let mut density = 0.0;
             for (i, &pose) in places.iter().enumerate() {
-                let mut pair = None;
-                rendering.push(timed(|| {
-                    pair = Some(stereo.pair(&capture(i, pose)));
-                    Ok(())
-                })?);
-                let Some(pair) = pair else { unreachable!("it was rendered") };
-                let mut points = Points::default();
-                matching.push(timed(|| {
-                    points = stereo.matched(&pair)?.points;
-                    Ok(())
-                })?);
+                let pair = timed(&mut rendering, || Ok(stereo.pair(&capture(i, pose))?))?;
+                let points = timed(&mut matching, || Ok(stereo.matched(&pair)?))?.points;
                 density += points.len() as f64 / f64::from(width * height) / turns as f64;
-                mapping.push(timed(|| {
+                timed(&mut mapping, || {
                     map.insert(pose.position(), points.iter().map(|point| pose.to_world(point.cast())));
                     Ok(())
-                })?);
+                })?;
             }
             let all: Vec<f64> = matching.iter().zip(&mapping).map(|(a, b)| a + b).collect();
             let of = |what: &str| format!("{width} × {height} × 64, {name}: {what}");
@@ -72,11 +65,12 @@ fn matcher(name: &str) -> Result<Box<dyn Matcher + Send>, AppError> {
     })
 }
 
-/// What it takes (CPU s).
-fn timed(work: impl FnOnce() -> Result<(), AppError>) -> Result<f64, AppError> {
+/// What comes of it; what it takes (CPU s) goes to the `times`.
+fn timed<T>(times: &mut Vec<f64>, work: impl FnOnce() -> Result<T, AppError>) -> Result<T, AppError> {
     let before = thread_cpu_secs();
-    work()?;
-    Ok(thread_cpu_secs() - before)
+    let done = work()?;
+    times.push(thread_cpu_secs() - before);
+    Ok(done)
 }
 
 fn say(what: &str, mut times: Vec<f64>) {

@@ -18,7 +18,7 @@ fn main() -> Result<(), AppError> {
     let camera = Camera::new(320, 240, 75_f64.to_radians());
     let eyes = Eyes { camera, baseline_m: 0.12, noise: 1.0, seed: 1 };
     let pose = Pose::from_yaw_pitch(Point3::new(2.2, 3.2, 1.2), -120_f64.to_radians(), -10_f64.to_radians());
-    let [left, right] = eyes.render(&world, &texture, &pose, 1);
+    let [left, right] = eyes.render(&world, &texture, &pose, 1)?;
     for (name, image) in [("left.png", &left), ("right.png", &right)] {
         write(&folder.join(name), image)?;
     }

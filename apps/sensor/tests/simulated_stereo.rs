@@ -130,7 +130,7 @@ fn a_scan_depends_on_its_number_its_pose_and_the_seed_alone() {
 #[test]
 fn the_right_camera_is_on_the_right() {
     let noiseless = Settings { eyes: Eyes { noise: 0.0, ..settings().eyes }, ..settings() };
-    let [left, right] = camera(noiseless, sad5()).pair(&capture(1));
+    let [left, right] = camera(noiseless, sad5()).pair(&capture(1)).unwrap();
     // A pixel of the left image, and where its point is seen in the right one.
     let camera = noiseless.eyes.camera;
     let (row, column) = (100, 200);
@@ -142,6 +142,14 @@ fn the_right_camera_is_on_the_right() {
     let there = a + (b - a) * share;
     assert!((there - f64::from(left.row(row)[column])).abs() < 12.0, "{there} {}", left.row(row)[column]);
     assert_ne!(left, right);
+}
+
+#[test]
+fn a_camera_of_no_pixel_has_no_pair() {
+    let rowless = Camera { height: 0, ..settings().eyes.camera };
+    let settings = Settings { eyes: Eyes { camera: rowless, ..settings().eyes }, ..settings() };
+    let error = camera(settings, sad5()).pair(&capture(1)).unwrap_err();
+    assert_eq!(error.to_string(), "an image of 320 × 0 pixels: each side has to be of 1 to 16384");
 }
 
 /// What is said of parameters with which nothing can be seen.

@@ -9,6 +9,8 @@
 mod data;
 #[path = "../tests/picture/mod.rs"]
 mod picture;
+#[path = "../../../tests/common/stopwatch.rs"]
+mod stopwatch;
 
 use std::path::Path;
 use std::process::Command;
@@ -42,12 +44,6 @@ struct Pair {
 
 /// A matcher's row: per cent of bad pixels (nonocc, all, disc), density and per cent of bad ones before filling (nonocc), ms.
 type Row = [f64; 6];
-
-#[allow(clippy::disallowed_methods)] // A stopwatch: no decision and no output but the table depends on it.
-fn now() -> f64 {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 / 1e6
-}
 
 fn load(folder: &Path, named: &Named) -> Pair {
     let file = |name: &str| picture::read(&folder.join(named.name).join(name));
@@ -99,14 +95,8 @@ fn ours(pairs: &[Pair], turns: usize, matcher: impl Fn(usize) -> Box<dyn Matcher
     let row = |pair: &Pair| {
         let mut matcher = matcher(pair.levels);
         let [left, right] = &pair.images;
-        let mut least = f64::MAX;
-        let mut found = Vec::new();
-        for _ in 0..turns {
-            let start = now();
-            let disparity = matcher.disparity(left, right).unwrap();
-            least = least.min(now() - start);
-            found = disparity.iter().map(Result::ok).collect();
-        }
+        let (least, disparity) = stopwatch::least(turns, || matcher.disparity(left, right).unwrap());
+        let found: Vec<_> = disparity.iter().map(Result::ok).collect();
         evaluate(pair, &found, least)
     };
     pairs.iter().map(row).collect()

@@ -1,8 +1,11 @@
 //! A wall as two cameras see it whose lenses bend it: rectified, matched and triangulated.
 
-use elk_stereo::{Image, Matcher, Rectification, SemiGlobal, SemiGlobalConfig, calibration};
+use elk_stereo::{
+    Camera, Image, ImageError, Matcher, Rectification, SemiGlobal, SemiGlobalConfig, StereoCalibration, calibration,
+};
 
-const CALIBRATION: &str = "%YAML:1.0
+/// Two cameras side by side whose lenses bend what they see.
+pub const CALIBRATION: &str = "%YAML:1.0
 ---
 image_width: 320
 image_height: 240
@@ -20,18 +23,21 @@ T: !!opencv-matrix
    data: [ -0.12, 0., 0. ]
 ";
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let calibration = calibration::opencv(CALIBRATION)?;
-    // What two such cameras see of a wall 1.5 m ahead: each pixel looks along its ray, bent by the lens.
+/// What two such cameras see of a wall 1.5 m ahead: each pixel looks along its ray, bent by the lens.
+pub fn wall(cameras: &StereoCalibration) -> Result<[Image; 2], ImageError> {
     let waves = |x: f64, y: f64| (90.0 * x + 40.0 * (7.0 * y).sin()).sin() + (70.0 * y + 50.0 * (9.0 * x).sin()).sin();
-    let view = |camera: elk_stereo::Camera, from: f64| {
+    let view = |camera: Camera, from: f64| {
         Image::from_fn(320, 240, |row, column| {
             let [x, y] = camera.ray([column as f64, row as f64]);
             (128.0 + 60.0 * waves(from + 1.5 * x, 1.5 * y)) as u8
         })
     };
-    let (left, right) = (view(calibration.left, 0.0)?, view(calibration.right, 0.12)?);
+    Ok([view(cameras.left, 0.0)?, view(cameras.right, 0.12)?])
+}
 
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let calibration = calibration::opencv(CALIBRATION)?;
+    let [left, right] = wall(&calibration)?;
     let rectification = Rectification::new(&calibration)?;
     let [left, right] = rectification.rectify(&left, &right)?;
     let disparity = SemiGlobal::new(SemiGlobalConfig::default())?.disparity(&left, &right)?;

@@ -29,8 +29,8 @@ pub struct SurfaceScore {
 pub fn surface_score(world: &World, map: &OccupancyGrid, tolerance: f64) -> SurfaceScore {
     let (mut area, mut found) = (0.0, 0.0);
     for triangle in world.surfaces().triangles() {
+        let before = triangle.normal().normalize() * BEFORE_M;
         for (place, share) in places(triangle, map.resolution()) {
-            let before = triangle.normal().normalize() * BEFORE_M;
             if world.is_free(place + before) || world.is_free(place - before) {
                 area += share;
                 found += if has_occupied(map, place, tolerance) { share } else { 0.0 };

@@ -2,7 +2,7 @@
 
 use elk_geometry::Pose;
 use elk_geometry::random::Random;
-use elk_stereo::Image;
+use elk_stereo::{Image, ImageError};
 use elk_world::World;
 use elk_world::ray::Ray;
 use nalgebra::{Point3, Vector3};
@@ -26,26 +26,32 @@ pub struct Eyes {
 impl Eyes {
     /// What the left and the right camera see of a world, the left one at `pose`, as images of scan number `scan`: their noise
     /// depends on it and the seed alone.
-    pub fn render(&self, world: &World, texture: &Texture, pose: &Pose, scan: u64) -> [Image; 2] {
+    ///
+    /// # Errors
+    /// Cameras of no pixel, or of more than an image may have.
+    pub fn render(&self, world: &World, texture: &Texture, pose: &Pose, scan: u64) -> Result<[Image; 2], ImageError> {
         let across = pose.turn(Vector3::x() * self.baseline_m);
-        [0, 1].map(|eye| {
-            // Streams of a scan's own; 0 is that of the start.
-            let random = Random::new(self.seed, 2 * scan + eye);
-            self.view(world, texture, pose.position() + across * eye as f64, pose, random)
-        })
+        // Streams of a scan's own; 0 is that of the start.
+        let random = |eye| Random::new(self.seed, 2 * scan + eye);
+        let left = self.view(world, texture, pose.position(), pose, random(0))?;
+        Ok([left, self.view(world, texture, pose.position() + across, pose, random(1))?])
     }
 
-    fn view(&self, world: &World, texture: &Texture, from: Point3<f64>, pose: &Pose, random: Random) -> Image {
+    fn view(
+        &self,
+        world: &World,
+        texture: &Texture,
+        from: Point3<f64>,
+        pose: &Pose,
+        random: Random,
+    ) -> Result<Image, ImageError> {
         let Camera { width, height, .. } = self.camera;
         let mut noise = Noise { random, sigma: self.noise, kept: None };
         let grey = |row: usize, column: usize| {
             let in_camera = self.camera.direction(column as f64 + 0.5, row as f64 + 0.5);
             (self.grey(world, texture, from, pose.turn(in_camera)) + noise.next()).round().clamp(0.0, 255.0) as u8
         };
-        match Image::from_fn(width as usize, height as usize, grey) {
-            Ok(image) => image,
-            Err(error) => unreachable!("the cameras' size was checked: {error}"),
-        }
+        Image::from_fn(width as usize, height as usize, grey)
     }
 
     /// The grey level that is seen from a place along `direction`, whose length is that of depth 1.

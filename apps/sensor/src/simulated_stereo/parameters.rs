@@ -2,14 +2,14 @@
 
 use elk_bus::AppError;
 use elk_mission::{Kind, Mission, ParamSpec, Params, PreflightReport};
+use elk_stereo::Matcher;
 
 use super::eyes::Eyes;
 use super::source::{Settings, SimulatedStereo};
 use super::texture::Look;
 use crate::app::param;
-use crate::camera::Camera;
 use crate::matching::matcher;
-use crate::surroundings::{self, body, check_pixels, range, seed};
+use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
 const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
 
@@ -17,12 +17,7 @@ const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
 pub(super) const PARAMS: &[ParamSpec] = &[
     param("Width", PIXELS, "320", "Pixels in a row of each image; more than Disparities."),
     param("Height", PIXELS, "240", "Rows of each image."),
-    param(
-        "Fov",
-        Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
-        "75",
-        "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
-    ),
+    FOV,
     param(
         "Baseline",
         Kind::Number { unit: "m", min: 0.001, max: 10.0 },
@@ -51,25 +46,25 @@ pub(super) const PARAMS: &[ParamSpec] = &[
 
 /// The stereo camera that the parameters say.
 pub(super) fn simulated_stereo(params: &Params) -> Result<SimulatedStereo, AppError> {
-    check(params)?;
-    Ok(SimulatedStereo::new(body(params)?, settings(params), matcher(params)?)?)
+    let matcher = checked_matcher(params)?;
+    Ok(SimulatedStereo::new(body(params)?, settings(params), matcher)?)
 }
 
 /// Whether a mission can be run with it, looked at before anything starts.
 pub(super) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
-    match check(params) {
-        Ok(()) => surroundings::preflight(params, mission),
+    match checked_matcher(params) {
+        Ok(_) => surroundings::preflight(params, mission),
         Err(error) => PreflightReport::fault(error),
     }
 }
 
-/// Sees that its images can be matched.
-fn check(params: &Params) -> Result<(), AppError> {
+/// What matches its images, if they can be matched.
+fn checked_matcher(params: &Params) -> Result<Box<dyn Matcher + Send>, AppError> {
     check_pixels(params)?;
-    matcher(params).map_err(|error| format!("Disparities: {error}"))?;
+    let matcher = matcher(params).map_err(|error| format!("Disparities: {error}"))?;
     let (width, levels) = (params.integer("Width"), params.integer("Disparities"));
     match width > levels {
-        true => Ok(()),
+        true => Ok(matcher),
         false => Err(format!(
             "Width is {width} and Disparities {levels}: no column has that many on its left; right is a Width of more than Disparities"
         )
@@ -78,10 +73,8 @@ fn check(params: &Params) -> Result<(), AppError> {
 }
 
 fn settings(params: &Params) -> Settings {
-    // The table keeps the numbers of pixels within 32 bits.
-    let pixels = |name| params.integer(name) as u32;
     let eyes = Eyes {
-        camera: Camera::new(pixels("Width"), pixels("Height"), params.number("Fov").to_radians()),
+        camera: camera(params),
         baseline_m: params.number("Baseline"),
         noise: params.number("ImageNoise"),
         seed: seed(params),

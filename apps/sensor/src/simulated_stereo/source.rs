@@ -2,8 +2,8 @@
 
 use elk_bus::AppError;
 use elk_geometry::Pose;
-use elk_spatial::{CameraInfo, Points};
-use elk_stereo::{Disparity, Image, MatchError, Matcher, Rig, RigError};
+use elk_spatial::CameraInfo;
+use elk_stereo::{Disparity, Image, ImageError, MatchError, Matcher, Rig, RigError};
 use nalgebra::Point3;
 
 use super::eyes::Eyes;
@@ -46,7 +46,10 @@ impl SimulatedStereo {
     }
 
     /// The left and the right image of a scan, whose pose is that of the left camera.
-    pub fn pair(&self, capture: &Capture) -> [Image; 2] {
+    ///
+    /// # Errors
+    /// Cameras of no pixel, or of more than an image may have.
+    pub fn pair(&self, capture: &Capture) -> Result<[Image; 2], ImageError> {
         self.settings.eyes.render(self.body.world(), &self.texture, &capture.pose, capture.scan)
     }
 
@@ -72,8 +75,7 @@ pub fn seen(rig: &Rig, disparity: &Disparity, range: Option<f64>) -> Seen {
             false => no_return.push(Point3::from(point.coords.normalize()).cast()),
         }
     }
-    let listed = |list: Vec<Point3<f32>>| -> Points<'static> { list.into_iter().collect() };
-    Seen { points: listed(points), no_return: listed(no_return) }
+    Seen { points: points.into_iter().collect(), no_return: no_return.into_iter().collect() }
 }
 
 impl DepthSource for SimulatedStereo {
@@ -86,7 +88,7 @@ impl DepthSource for SimulatedStereo {
     }
 
     fn scan(&mut self, capture: &Capture) -> Result<Seen, AppError> {
-        let pair = self.pair(capture);
+        let pair = self.pair(capture)?;
         Ok(self.matched(&pair)?)
     }
 

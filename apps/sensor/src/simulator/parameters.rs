@@ -6,8 +6,7 @@ use elk_mission::{Kind, ParamSpec, Params};
 use super::noise::StereoNoise;
 use super::source::{Settings, Simulator};
 use crate::app::param;
-use crate::camera::Camera;
-use crate::surroundings::{body, check_pixels, range, seed};
+use crate::surroundings::{FOV, body, camera, check_pixels, range, seed};
 
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 
@@ -15,12 +14,7 @@ const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 pub(super) const PARAMS: &[ParamSpec] = &[
     param("Width", PIXELS, "100", "Pixels in a row of the depth image."),
     param("Height", PIXELS, "100", "Rows of the depth image."),
-    param(
-        "Fov",
-        Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
-        "75",
-        "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
-    ),
+    FOV,
     param(
         "Range",
         Kind::Number { unit: "m", min: 0.0, max: 1e4 },
@@ -48,11 +42,9 @@ pub(super) fn simulator(params: &Params) -> Result<Simulator, AppError> {
 }
 
 fn settings(params: &Params) -> Settings {
-    // The table keeps the numbers of pixels within 32 bits.
-    let pixels = |name| params.integer(name) as u32;
     let noise = StereoNoise { sigma_px: params.number("NoiseSigma"), baseline_m: params.number("NoiseBaseline") };
     Settings {
-        camera: Camera::new(pixels("Width"), pixels("Height"), params.number("Fov").to_radians()),
+        camera: camera(params),
         noise: (noise.sigma_px > 0.0).then_some(noise),
         seed: seed(params),
         range: range(params),

@@ -93,8 +93,8 @@ impl Outcome {
             cloud.len()
         )
         .into_bytes();
+        let scale = self.rig.focal() * self.rig.baseline();
         for (row, column, point) in cloud {
-            let scale = self.rig.focal() * self.rig.baseline();
             let deviation = point.z * point.z / scale * Noise::default().disparity;
             let point = self.left_from_rectified * point;
             let numbers = [point.x, point.y, point.z, deviation];

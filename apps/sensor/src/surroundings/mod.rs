@@ -5,5 +5,5 @@ mod parameters;
 mod preflight;
 
 pub use body::{Body, random_start};
-pub(crate) use parameters::{PARAMS, body, check_pixels, range, seed};
+pub(crate) use parameters::{FOV, PARAMS, body, camera, check_pixels, range, seed};
 pub(crate) use preflight::preflight;

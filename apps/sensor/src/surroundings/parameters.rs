@@ -11,6 +11,7 @@ use nalgebra::Point3;
 
 use super::body::{Body, random_start};
 use crate::app::param;
+use crate::camera::Camera;
 use crate::source::Truth;
 
 /// What a mission file can say of world and body.
@@ -66,6 +67,14 @@ pub(crate) const PARAMS: &[ParamSpec] = &[
     ),
 ];
 
+/// What a mission file can say of a camera beside `Width`, `Height` and `Range`, which differ from camera to camera.
+pub(crate) const FOV: ParamSpec = param(
+    "Fov",
+    Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
+    "75",
+    "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
+);
+
 /// The body that the parameters say, in its world.
 pub(crate) fn body(params: &Params) -> Result<Body, AppError> {
     let world = world(params)?;
@@ -112,6 +121,13 @@ pub(super) fn start(params: &Params, world: &World) -> Result<Pose, AppError> {
 pub(crate) fn seed(params: &Params) -> u64 {
     // The table keeps it positive.
     params.integer("Seed") as u64
+}
+
+/// The camera of Width × Height pixels that sees Fov.
+pub(crate) fn camera(params: &Params) -> Camera {
+    // The tables keep the numbers of pixels within 32 bits.
+    let pixels = |name| params.integer(name) as u32;
+    Camera::new(pixels("Width"), pixels("Height"), params.number("Fov").to_radians())
 }
 
 /// How far a camera sees (m); `None`: as far as there is anything.
