@@ -3,15 +3,10 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
-use common::Elk;
+use common::{Elk, said};
 use elk_log::Index;
 use serde_json::Value as Json;
-
-fn said(out: &Output) -> String {
-    String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr)
-}
 
 /// Launches from `place`, with the logs in `logs` there; the run's folder.
 fn launched(elk: &Elk, place: &Path, logs: &str, arguments: &[&str]) -> PathBuf {

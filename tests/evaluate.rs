@@ -7,7 +7,7 @@ use std::process::Output;
 
 use common::car::car;
 use common::events::end_of;
-use common::{Elk, kill, summary_of};
+use common::{Elk, kill, said, summary_of};
 use rustix::process::Signal;
 
 /// Coarse voxels and few pixels, so that a run is over in a moment.
@@ -30,10 +30,6 @@ fn elk(test: &str, suite: &str) -> Elk {
 
 fn evaluate(elk: &Elk, arguments: &[&str]) -> Output {
     elk.command(&[&["evaluate"], arguments].concat()).output().unwrap()
-}
-
-fn said(out: &Output) -> String {
-    String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr)
 }
 
 fn text(folder: &Path, name: &str) -> String {

@@ -8,14 +8,14 @@ use std::fs::{Permissions, set_permissions};
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
 use common::events::{Events, once_served_in};
 use common::lab::hear;
 use common::running::Running;
 use common::skip::skip;
 use common::small::small;
-use common::{Elk, kill, shared_memory_of};
+use common::{Elk, kill, said, shared_memory_of};
 use elk_bus::{Client, Community};
 use rustix::process::Signal;
 
@@ -36,10 +36,6 @@ fn in_place(elk: &Elk, arguments: &[&str], temporary: &Path) -> Command {
     let mut command = elk.command(arguments);
     command.env("TMPDIR", temporary).env_remove("XDG_RUNTIME_DIR").stdin(Stdio::null());
     command
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8([output.stdout.as_slice(), &output.stderr].concat()).unwrap()
 }
 
 /// Everything under a folder, with what is in the files; links are not followed.

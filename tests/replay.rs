@@ -61,7 +61,7 @@ fn replay(elk: &Elk, arguments: &[&str]) -> String {
 }
 
 fn said(output: Output) -> String {
-    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let said = common::said(&output);
     assert!(output.status.success(), "{said}");
     said
 }

@@ -3,19 +3,14 @@
 mod common;
 
 use std::path::Path;
-use std::process::Output;
 
-use common::Elk;
+use common::{Elk, said};
 use elk_map::{MapConfig, OccupancyMap, Saved};
 use elk_spatial::keys::SCAN;
 use elk_world::surface::{SurfaceScore, surface_score};
 use elk_world::{Placement, World};
 
 const MISSION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/mission-files/stereo-apartment.xml");
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
-}
 
 /// What of the apartment's surfaces is in the map of a run, to one voxel.
 fn score(run: &Path) -> SurfaceScore {

@@ -18,11 +18,16 @@ pub mod terminal;
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 use elk_bus::{Client, Community, ProcessStat};
 use events::{Events, end_of, once_served, wait_until_gone};
 use rustix::process::{Pid, Signal, kill_process};
+
+/// All that a program has said.
+pub fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
 
 /// A folder and a community for one test.
 pub struct Elk {

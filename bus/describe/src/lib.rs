@@ -63,7 +63,7 @@ pub use read::ReadError;
 pub use shape::{
     DefaultValue, EnumShape, FieldShape, Limit, RangeShape, Shape, StructShape, VariantContent, VariantShape,
 };
-pub use write::WriteError;
+pub use write::{WriteError, shown};
 
 #[doc(hidden)]
 pub mod derived {

@@ -213,8 +213,8 @@ fn names(fields: &[Field]) -> String {
     fields.iter().map(|field| field.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-/// The beginning of what was said.
-fn shown(json: &Value) -> String {
+/// The beginning of a value, for an error that says what was there.
+pub fn shown(json: &Value) -> String {
     const LONGEST: usize = 60;
     let text = json.to_string();
     match text.char_indices().nth(LONGEST) {

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use elk_bus::broker::table::{CommunityTable, VariableKind};
+use elk_bus::describe::shown;
 use elk_bus::{Description, Type, Value as BusValue};
 use serde_json::{Value, json};
 
@@ -68,7 +69,7 @@ impl Carried {
     pub fn value(&self, said: &Publish) -> Result<BusValue, String> {
         let Publish { variable, value, .. } = said;
         self.check_type(said)?;
-        let wrong = |right: &str| format!("{variable} is {}; it has to be a {right}", shortened(value));
+        let wrong = |right: &str| format!("{variable} is {}; it has to be a {right}", shown(value));
         match self {
             Self::Number => number_of(value).map(BusValue::Double).ok_or_else(|| wrong("number")),
             Self::Text => value.as_str().map(BusValue::from).ok_or_else(|| wrong("text")),
@@ -107,14 +108,4 @@ impl Carried {
 
 fn described(type_: &Type) -> Result<Cow<'_, Description>, String> {
     type_.as_ref().description().ok_or_else(|| format!("nobody has described {}", type_.as_ref().name()))
-}
-
-/// The beginning of a value, as much as says what it is.
-fn shortened(value: &Value) -> String {
-    const LONGEST: usize = 60;
-    let text = value.to_string();
-    match text.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text,
-    }
 }

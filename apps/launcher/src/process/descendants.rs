@@ -78,7 +78,7 @@ impl Descendants {
     /// Sees who descends from `apps`, if it is time, and ends whose time has come.
     pub fn reap(&mut self, now: Duration, apps: &[Pid]) {
         let ours = self.with_guard(apps);
-        let mut sightings = self.escaped.look(now, apps, &ours);
+        let mut sightings = self.escaped.look(now, apps, |pid| ours.contains(&pid));
         sightings.extend(self.escaped.reap(now));
         self.note(&sightings);
     }
@@ -86,9 +86,9 @@ impl Descendants {
     /// Sees who descends from `apps`, at once.
     pub fn look_now(&mut self, now: Duration, apps: &[Pid]) {
         let ours = self.with_guard(apps);
-        let mut sightings = self.escaped.look_now(now, apps, &ours);
+        let mut sightings = self.escaped.look_now(now, apps, |pid| ours.contains(&pid));
         if self.adopted {
-            sightings.extend(self.escaped.look_for_reparented(&self.run, apps, &ours));
+            sightings.extend(self.escaped.look_for_reparented(&self.run, apps, |pid| ours.contains(&pid)));
         }
         self.note(&sightings);
     }

@@ -133,22 +133,22 @@ impl EscapedProcesses {
         let _ = rustix::process::set_child_subreaper(Some(getpid()));
     }
 
-    /// Looks who is there, if it is time: descendants of `apps`, and orphaned ones; `ours` are children that this
+    /// Looks who is there, if it is time: descendants of `apps`, and orphaned ones; `is_ours` says which children this
     /// process has started itself.
-    pub fn look(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sighting> {
+    pub fn look(&mut self, now: Duration, apps: &[Pid], is_ours: impl Fn(i32) -> bool) -> Vec<Sighting> {
         if self.looked.is_some_and(|then| now < then + PERIOD) {
             return Vec::new();
         }
-        self.look_now(now, apps, ours)
+        self.look_now(now, apps, is_ours)
     }
 
     /// Looks for descendants that are nobody's children any more: those that an ended launcher had been given are
     /// the machine's first process' now. Processes in the groups of `apps` are not among them.
-    pub fn look_for_reparented(&mut self, run: &RunId, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sighting> {
+    pub fn look_for_reparented(&mut self, run: &RunId, apps: &[Pid], is_ours: impl Fn(i32) -> bool) -> Vec<Sighting> {
         let groups: BTreeSet<i32> = apps.iter().map(|app| app.as_raw_nonzero().get()).collect();
         let is_reparented = |id: &ProcessId| {
             let is_of_app = group(id.pid).is_some_and(|group| groups.contains(&group));
-            !is_of_app && !ours.contains(&id.pid) && self.known.get(&id.pid).is_none_or(|known| known.id != *id)
+            !is_of_app && !is_ours(id.pid) && self.known.get(&id.pid).is_none_or(|known| known.id != *id)
         };
         let reparented: Vec<ProcessId> = run.processes().into_iter().filter(is_reparented).collect();
         self.known.extend(
@@ -160,14 +160,14 @@ impl EscapedProcesses {
     }
 
     /// As [`EscapedProcesses::look`], whatever the time.
-    pub fn look_now(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sighting> {
+    pub fn look_now(&mut self, now: Duration, apps: &[Pid], is_ours: impl Fn(i32) -> bool) -> Vec<Sighting> {
         self.looked = Some(now);
         let of_apps = apps.iter().flat_map(|app| outside(*app).into_iter().map(|pid| (pid, Some(*app))));
         let mut seen: Vec<(i32, Option<Pid>)> = of_apps.collect();
         // What the program around the launcher has started itself is of its own group.
         let own = getpid().as_raw_nonzero().get();
         let own_group = group(own);
-        let reparented = children(own).into_iter().filter(|pid| !ours.contains(pid));
+        let reparented = children(own).into_iter().filter(|pid| !is_ours(*pid));
         seen.extend(reparented.filter(|pid| group(*pid) != own_group).map(|pid| (pid, None)));
         let mut sightings = Vec::new();
         for (pid, app) in seen {
@@ -292,11 +292,12 @@ mod tests {
         let app = Pid::from_child(&shell);
         let id = ProcessId::of(number).unwrap();
         let mut escaped = EscapedProcesses::default();
-        let ours = BTreeSet::from([shell.id() as i32]);
-        let found = escaped.look(Duration::ZERO, &[app], &ours);
+        // Children of other tests of this process are theirs.
+        let is_ours = |pid| pid != number;
+        let found = escaped.look(Duration::ZERO, &[app], is_ours);
         assert!(found.contains(&Sighting::Found(id)), "{found:?}");
-        assert!(escaped.look(PERIOD / 2, &[app], &ours).is_empty());
-        assert!(escaped.look(PERIOD, &[app], &ours).is_empty());
+        assert!(escaped.look(PERIOD / 2, &[app], is_ours).is_empty());
+        assert!(escaped.look(PERIOD, &[app], is_ours).is_empty());
         let killed = rustix::process::kill_process_group(app, Signal::KILL);
         killed.unwrap();
         shell.wait().unwrap();
