@@ -37,6 +37,11 @@ fn updates(stage: &mut Stage) -> Vec<MapUpdate> {
     heard
 }
 
+/// The same, each by its revision, the one that it continues, and its scan.
+fn steps(stage: &mut Stage) -> Vec<(u64, u64, u64)> {
+    updates(stage).iter().map(|update| (update.revision, update.since, update.scan)).collect()
+}
+
 #[test]
 fn a_saved_map_is_said_whole_before_the_first_scan_which_then_continues_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -46,8 +51,7 @@ fn a_saved_map_is_said_whole_before_the_first_scan_which_then_continues_it() {
     assert_eq!(said, [right]);
     assert_eq!((said[0].revision, said[0].since), (1, 0));
     bench.scan(1, 0.3);
-    let said = updates(&mut bench);
-    assert_eq!(said.iter().map(|update| (update.revision, update.since, update.scan)).collect::<Vec<_>>(), [(2, 1, 1)]);
+    assert_eq!(steps(&mut bench), [(2, 1, 1)]);
 }
 
 /// One that is killed has said the saved map; its successor has it from the file, and need not ask.
@@ -58,8 +62,7 @@ fn a_successor_of_a_map_that_saw_nothing_goes_on_from_the_file() {
     assert_eq!(updates(&mut bench).len(), 1);
     bench.exchange();
     bench.scan(1, 0.3);
-    let said = updates(&mut bench);
-    assert_eq!(said.iter().map(|update| (update.revision, update.since)).collect::<Vec<_>>(), [(2, 1)]);
+    assert_eq!(steps(&mut bench), [(2, 1, 1)]);
 }
 
 #[test]
@@ -72,8 +75,7 @@ fn what_a_predecessor_left_goes_before_the_file() {
     bench.exchange();
     assert_eq!(updates(&mut bench), [], "nothing is new");
     bench.scan(2, 0.3);
-    let said = updates(&mut bench);
-    assert_eq!(said.iter().map(|update| (update.revision, update.since, update.scan)).collect::<Vec<_>>(), [(3, 2, 2)]);
+    assert_eq!(steps(&mut bench), [(3, 2, 2)]);
 }
 
 #[test]
@@ -86,8 +88,7 @@ fn a_successor_needs_no_file() {
     std::fs::remove_file(folder.path().join("known.elkmap")).unwrap();
     bench.exchange();
     bench.scan(2, 0.3);
-    let said = updates(&mut bench);
-    assert_eq!(said.iter().map(|update| (update.revision, update.since, update.scan)).collect::<Vec<_>>(), [(3, 2, 2)]);
+    assert_eq!(steps(&mut bench), [(3, 2, 2)]);
 }
 
 /// One that is killed leaves no memory, and its readers have what it said of the file.
@@ -101,8 +102,7 @@ fn without_memory_and_without_file_a_successor_asks_its_readers() {
     assert_eq!(updates(&mut bench), [], "it has nothing to say");
     bench.others.comms.publish(&MAP, &said[0]).unwrap();
     bench.scan(1, 0.3);
-    let said = updates(&mut bench);
-    assert_eq!(said.iter().map(|update| (update.revision, update.since)).collect::<Vec<_>>(), [(2, 1)]);
+    assert_eq!(steps(&mut bench), [(2, 1, 1)]);
 }
 
 #[test]
