@@ -319,7 +319,9 @@ fn answer_with_lies(attack: &mut Attack, answered: &mut BTreeSet<u64>) -> Result
 /// Whoever answers first is believed, unless what it says cannot be.
 #[test]
 fn a_liar_that_answers_first_stops_nobody() {
-    let mut attack = Attack::begin("liar", &car("auto"));
+    // It waits until somebody listens: the car's world is explored in less time than it takes to join.
+    let mut attack = Attack::begin("liar", &car("manual"));
+    attack.elk.obeyed(&["resume"]);
     let waited = Stopwatch::start();
     let mut answered = BTreeSet::new();
     while answered.len() < 12 && waited.elapsed() < WATCHDOG {

@@ -22,7 +22,7 @@ fn every_mission_that_comes_with_elk_is_right_with_all_explorers() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("mission-files");
     let files = std::fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path());
     let missions: Vec<_> = files.filter(|file| file.extension().is_some_and(|end| end == "xml")).collect();
-    assert_eq!(missions.len(), 7);
+    assert!(!missions.is_empty());
     for mission in missions {
         for explorer in &explorers {
             let set = format!("Explorer.type={explorer}");
