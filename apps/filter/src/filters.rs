@@ -2,7 +2,7 @@
 //!
 //! Points are in the camera frame (m), as in [`elk_spatial::Scan`].
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use elk_geometry::Voxel;
 use elk_spatial::Points;
@@ -16,14 +16,22 @@ pub fn distance<'a>(points: &'a Points<'_>, threshold: f64) -> impl Iterator<Ite
 /// One point for each cell of edge `leaf` (m) that holds any: their centroid. Cells come in the order of their first
 /// points; points that are not finite, or beyond 2³⁰ cells, are left out.
 pub fn voxel_grid(points: &Points<'_>, leaf: f64) -> Vec<Point3<f32>> {
-    let mut places: BTreeMap<Voxel, usize> = BTreeMap::new();
+    // It is looked into only, never walked through, so that the order of its hashes does not matter.
+    let mut places: HashMap<Voxel, usize> = HashMap::new();
     let mut sums: Vec<(Vector3<f64>, f64)> = Vec::new();
+    // Neighbours in an image are mostly of one cell.
+    let mut latest = None;
     let reach = leaf * f64::from(1 << 30);
     for point in points.iter().map(|p| p.cast::<f64>()) {
         if !point.iter().all(|c| c.abs() < reach) {
             continue;
         }
-        let place = *places.entry(Voxel::containing(point, leaf)).or_insert(sums.len());
+        let cell = Voxel::containing(point, leaf);
+        let place = match latest {
+            Some((known, place)) if known == cell => place,
+            _ => *places.entry(cell).or_insert(sums.len()),
+        };
+        latest = Some((cell, place));
         if place == sums.len() {
             sums.push((Vector3::zeros(), 0.0));
         }

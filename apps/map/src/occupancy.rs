@@ -1,5 +1,5 @@
-//! The map: what is known of every voxel, as log-odds of being occupied (thesis 6.3.1; Hornung et al., *OctoMap*, 2013,
-//! section 3.1).
+//! The map: what is known of every voxel, as log-odds of being occupied, L(n|z₁…ₜ) = L(n|z₁…ₜ₋₁) + L(n|zₜ) (thesis 6.3.1;
+//! Shade and Newman, *Choosing Where To Go*, ICRA 2011, (12) and (13); Hornung et al., *OctoMap*, 2013, section 3.1).
 
 use elk_geometry::bricks::{brick_of, cell_of, swap_remove, voxel_at};
 use elk_geometry::delta::{Changes, Delta};
@@ -47,9 +47,9 @@ pub enum Integration {
 pub struct MapConfig {
     /// Edge of a voxel (m).
     pub resolution: f64,
-    /// Added to a voxel in which a ray of the scan ended (log-odds, > 0).
+    /// Added to a voxel in which a ray of the scan ended: l_occ of ICRA 2011, (13) (log-odds, > 0).
     pub hit: f32,
-    /// Added to a voxel that rays of the scan only passed through (log-odds, < 0).
+    /// Added to a voxel that rays of the scan only passed through: l_free of ICRA 2011, (13) (log-odds, < 0).
     pub miss: f32,
     /// The smallest log-odds that a voxel can have; at most `clamp_max`.
     pub clamp_min: f32,

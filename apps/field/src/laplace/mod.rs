@@ -1,6 +1,6 @@
-//! Laplace's equation (thesis 6.2.5 and 6.4.1).
+//! Laplace's equation, ∇²ψ = 0 (thesis 6.2.5, (6.19)), by finite differences on voxels (6.4.1, (6.27)).
 //!
-//! ψ is 1 at the source and 0 at the sinks (Dirichlet); no flux passes into anything else (Neumann). The thesis'
+//! ψ is 1 at the source and 0 at the sinks (Dirichlet, (6.23)); no flux passes into anything else (Neumann, (6.24)). The thesis'
 //! ±1 scale would lose digits where ψ is flat, and its mirror rule (6.28) gives a matrix that is not symmetric, is not
 //! defined where both neighbours are missing, and moves ψ by up to 0.14; so a voxel here is the average of the
 //! neighbours that exist, which is the finite volume form of zero flux, symmetric and positive definite.
