@@ -37,7 +37,8 @@ fn main() -> Result<(), AppError> {
             let eyes = Eyes { camera, baseline_m: 0.12, noise: 1.0, seed: 1 };
             let settings = Settings { eyes, look: Look { contrast: 20.0, blank: 0.0, seed: 1 }, range: None };
             let mut stereo = SimulatedStereo::new(body(), settings, matcher(name)?)?;
-            let [mut map, mut map_of_all] = [OccupancyMap::new(MapConfig::default())?, OccupancyMap::new(MapConfig::default())?];
+            let [mut map, mut map_of_all] =
+                [OccupancyMap::new(MapConfig::default())?, OccupancyMap::new(MapConfig::default())?];
             let (mut rendering, mut matching, mut filtering) = (Vec::new(), Vec::new(), Vec::new());
             let (mut mapping, mut mapping_all) = (Vec::new(), Vec::new());
             let mut density = 0.0;

@@ -32,8 +32,9 @@ pub use remotes::{Remotes, WithRemotes};
 
 /// The longest message that is taken from a client (bytes): one that the broker takes, and its names.
 const LONGEST_MESSAGE: usize = wire::MAX_MESSAGE + SHORTEST + 4 * wire::MAX_NAME;
-/// Bytes that are read at a time, and of one connection in a round.
+/// Bytes that are read of one connection in a round; of a message that has begun and is longer, more.
 const READ_BYTES: usize = 64 << 10;
+const READ_BYTES_OF_A_MESSAGE: usize = 1 << 20;
 /// A batch for the broker, and a packet for a client, is closed when it holds so many bytes.
 const BATCH_BYTES: usize = 64 << 10;
 /// Packets that a client is given in a round.
@@ -116,7 +117,6 @@ pub struct Gateway {
     owed: BTreeSet<Token>,
     looked_at: u64,
     complained_at: Option<u64>,
-    buffer: Vec<u8>,
     batch: Vec<u8>,
     spare: Vec<Vec<u8>>,
 }
@@ -198,7 +198,6 @@ impl Gateway {
             owed: BTreeSet::new(),
             looked_at: monotonic_nanos(),
             complained_at: None,
-            buffer: vec![0; READ_BYTES],
             batch: Vec::new(),
             spare: Vec::new(),
         })
@@ -292,30 +291,24 @@ impl Gateway {
             self.readable.remove(&token);
             return false;
         };
-        let (mut left, mut moved) = (READ_BYTES, false);
-        let end = loop {
-            let client = connection.client.as_ref();
-            if left == 0 || client.is_some_and(|client| round.host.broker.holds_back(round.now, client.id)) {
-                break None;
+        let client = connection.client.as_ref();
+        if client.is_some_and(|client| round.host.broker.holds_back(round.now, client.id)) {
+            self.connections.insert(token, connection);
+            return false;
+        }
+        let lacking = connection.decoder.lacking().min(READ_BYTES_OF_A_MESSAGE);
+        let (moved, end) = match connection.look(READ_BYTES.max(lacking)) {
+            // The poller says when there is more.
+            Look::Nothing => {
+                self.readable.remove(&token);
+                (false, None)
             }
-            match connection.look(&mut self.buffer[..left]) {
-                // The poller says when there is more.
-                Look::Nothing => {
-                    self.readable.remove(&token);
-                    break None;
-                }
-                Look::Over => break Some(End::Plain),
-                Look::Bytes(bytes) => {
-                    (left, moved) = (left - bytes, true);
-                    connection.heard_at = monotonic_nanos();
-                    connection.decoder.extend(&self.buffer[..bytes]);
-                    if let Err(end) = self.understand(token, &mut connection, round) {
-                        break Some(end);
-                    }
-                }
+            Look::Over => (true, Some(End::Plain)),
+            Look::Bytes => {
+                connection.heard_at = monotonic_nanos();
+                (true, self.understand(token, &mut connection, round).err())
             }
         };
-        moved |= end.is_some();
         match end {
             Some(end) => self.let_go(connection, end, round),
             None => _ = self.connections.insert(token, connection),

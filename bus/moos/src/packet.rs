@@ -5,6 +5,8 @@
 //! i32 length of the packet, this header included   i32 number of messages   u8 0   the messages
 //! ```
 
+use std::io::{self, Read};
+
 use crate::message::{Message, MessageError, SHORTEST};
 
 /// Length of a packet's header (bytes).
@@ -167,11 +169,34 @@ impl Decoder {
 
     /// Takes in the next bytes of the stream.
     pub fn extend(&mut self, bytes: &[u8]) {
-        if self.at > 0 {
-            self.bytes.drain(..self.at);
-            self.at = 0;
-        }
+        self.drop_what_was_read();
         self.bytes.extend_from_slice(bytes);
+    }
+
+    /// Takes in what a stream has to give at once, up to `most` bytes: how many came, and what came instead of more.
+    pub fn read_from(&mut self, stream: impl Read, most: usize) -> (usize, io::Result<()>) {
+        self.drop_what_was_read();
+        self.bytes.reserve(most);
+        let before = self.bytes.len();
+        let end = stream.take(most as u64).read_to_end(&mut self.bytes);
+        (self.bytes.len() - before, end.map(drop))
+    }
+
+    /// Bytes of the message that has begun, as far as it is kept, that have not come yet.
+    pub fn lacking(&self) -> usize {
+        let have = self.bytes.len() - self.at;
+        match self.stage {
+            Stage::Messages { left, messages, .. } if messages > 0 && have >= 4 => {
+                let bytes = message_len(i32_at(&self.bytes, self.at), left, messages).unwrap_or(0);
+                if bytes > self.longest { 0 } else { bytes.saturating_sub(have) }
+            }
+            _ => 0,
+        }
+    }
+
+    fn drop_what_was_read(&mut self) {
+        self.bytes.drain(..self.at);
+        self.at = 0;
     }
 
     /// Bytes that it holds room for.
@@ -181,8 +206,7 @@ impl Decoder {
 
     /// Gives room back that nothing lies in.
     pub fn shrink(&mut self) {
-        self.bytes.drain(..self.at);
-        self.at = 0;
+        self.drop_what_was_read();
         self.bytes.shrink_to_fit();
     }
 

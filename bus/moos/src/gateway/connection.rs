@@ -1,6 +1,6 @@
 //! One connection: its socket, what has come over it and is not whole yet, and what is on its way out.
 
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Write};
 use std::net::{SocketAddr, TcpStream};
 
 use elk_proto::wire::ClientId;
@@ -37,8 +37,8 @@ pub(super) struct Connection {
 
 /// What a look into a socket brought.
 pub(super) enum Look {
-    /// So many bytes.
-    Bytes(usize),
+    /// Bytes, and perhaps there are more.
+    Bytes,
     /// There is nothing now.
     Nothing,
     /// There will be nothing more.
@@ -62,17 +62,14 @@ impl Connection {
         }
     }
 
-    /// Reads what there is into `buffer`.
-    pub fn look(&mut self, buffer: &mut [u8]) -> Look {
-        loop {
-            match self.socket.read(buffer) {
-                Ok(0) => return Look::Over,
-                Ok(bytes) => return Look::Bytes(bytes),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return Look::Nothing,
-                // Whatever the reason, the other end is gone.
-                Err(_) => return Look::Over,
-            }
+    /// Takes in what there is, up to `most` bytes.
+    pub fn look(&mut self, most: usize) -> Look {
+        match self.decoder.read_from(&self.socket, most) {
+            // What stopped it is seen at the next look.
+            (1.., _) => Look::Bytes,
+            (0, Err(error)) if error.kind() == ErrorKind::WouldBlock => Look::Nothing,
+            // Whatever the reason, the other end is gone.
+            (0, _) => Look::Over,
         }
     }
 
