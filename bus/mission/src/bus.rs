@@ -1,6 +1,7 @@
 //! `<Bus>`: who may come to a mission's broker beside its apps.
 
 use elk_bus::moos::gateway::{Address, GatewayOptions, Network};
+use elk_bus::moos::text::Texts;
 use roxmltree::Node;
 
 use crate::kind::Kind;
@@ -13,7 +14,7 @@ use crate::xml::loose_text;
 pub(crate) const BUS: &str = "Bus";
 
 /// Its attributes.
-pub(crate) const OF_BUS: [Attribute; 3] = [
+pub(crate) const OF_BUS: [Attribute; 4] = [
     Attribute {
         name: "moos",
         kind: Kind::Text,
@@ -32,6 +33,12 @@ pub(crate) const OF_BUS: [Attribute; 3] = [
         default: "own",
         doc: "Under whose names they may publish: players of logs and bridges do so under others'.",
     },
+    Attribute {
+        name: "texts",
+        kind: Kind::Text,
+        default: "none",
+        doc: "Variables whose typed values they hear and say as Key=Value texts: names or patterns, with blanks between them.",
+    },
 ];
 
 /// What the element says; what is wrong with it goes to `problems`.
@@ -41,7 +48,7 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Option<GatewayOptions
         let said = format!("<{}> within <{BUS}>; right is nothing", child.tag_name().name());
         problems.add(&At::Byte(child.range().start), said);
     }
-    let (mut address, mut networks, mut any_source) = (None, Vec::new(), false);
+    let (mut address, mut networks, mut any_source, mut texts) = (None, Vec::new(), false, Texts::default());
     for attribute in node.attributes() {
         let at = At::Byte(attribute.range_value().start);
         let value = attribute.value().trim();
@@ -60,6 +67,7 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Option<GatewayOptions
                 let right = instead(value, &["own", "any"]);
                 problems.add(&at, format!("sources {value:?} is not offered; {right}"));
             }
+            "texts" => texts = Texts::of(value),
             other => {
                 let right = instead(other, &OF_BUS.each_ref().map(|attribute| attribute.name));
                 problems.add(&At::Byte(attribute.range().start), format!("{BUS} has no attribute {other}; {right}"));
@@ -72,5 +80,5 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Option<GatewayOptions
             format!("<{BUS}> says nothing of moos; right is moos=\"127.0.0.1:9000\""),
         );
     }
-    Some(GatewayOptions { networks, any_source, ..GatewayOptions::new(address?) })
+    Some(GatewayOptions { networks, any_source, texts, ..GatewayOptions::new(address?) })
 }

@@ -16,7 +16,7 @@
 //!
 //! A Scenario has `name`, `type` (`auto` or `manual`), `version`, and, for its broker, which is always started again,
 //! `broker-restarts`, `broker-window` and `mailbox`; on an app they are an error. Its `<Bus moos="127.0.0.1:9000"/>` lets
-//! MOOS' own clients in (`from`, `sources`: see `elk types`).
+//! MOOS' own clients in (`from`, `sources`, `texts`: see `elk types`).
 //!
 //! While a mission runs, an app can be exchanged for one of another type, or another executable:
 //! [`AppSpec::exchange_among`] holds that against the same registry, and against the other apps.

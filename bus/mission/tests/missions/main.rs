@@ -85,8 +85,11 @@ fn clients_of_moos_are_let_in_where_the_bus_says() {
     let said = moos(r#"<Bus moos="0.0.0.0:9000" from="192.168.1.0/24 10.0.0.7" sources="any"/>"#).unwrap().unwrap();
     assert_eq!((said.address.to_string().as_str(), said.any_source), ("0.0.0.0:9000", true));
     assert!(said.admits("192.168.1.9".parse().unwrap()) && !said.admits("10.0.0.8".parse().unwrap()));
-    let again = parse(&with(r#"<Bus moos="localhost:9000"/>"#), &[]).unwrap().to_xml(&|_, _| false);
-    assert!(again.contains(r#"<Bus moos="localhost:9000" sources="own"/>"#), "{again}");
+    let again = |line: &str| parse(&with(line), &[]).unwrap().to_xml(&|_, _| false);
+    let said = again(r#"<Bus moos="localhost:9000"/>"#);
+    assert!(said.contains(r#"<Bus moos="localhost:9000" sources="own"/>"#), "{said}");
+    let said = again(r#"<Bus moos="localhost:9000" texts="SIM_SENSOR, NAV_*"/>"#);
+    assert!(said.contains(r#"<Bus moos="localhost:9000" sources="own" texts="SIM_SENSOR NAV_*"/>"#), "{said}");
 
     let wrong = |line: &str, what: &str| {
         let said = parse(&with(line), &[]).unwrap_err();
