@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{Elk, processes_of};
+use common::{Elk, free_port, processes_of};
 use elk_log::LogReader;
 use elk_spatial::keys::POSE_COMMAND;
 use elk_spatial::messages::PoseCommand;
@@ -87,7 +87,10 @@ fn the_same_mission_goes_the_same_way_every_time_in_seven_processes_or_in_one() 
 #[test]
 fn the_mission_of_the_thesis_runs_as_printed_from_any_folder() {
     let elk = Elk::new("thesis");
-    let (_, summary) = explore(&elk, "thesis-listing-2", &[]);
+    // The port that it lets clients of MOOS' in at may be somebody else's.
+    let port = free_port().port();
+    let [sensor, controller] = ["Sensor", "Controller"].map(|app| format!("{app}.MOOSPort={port}"));
+    let (_, summary) = explore(&elk, "thesis-listing-2", &["--set", &sensor, "--set", &controller]);
     assert_explored("thesis-listing-2", &summary);
     assert_eq!(summary["explorer"], "Potential");
 }

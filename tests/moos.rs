@@ -5,18 +5,13 @@ mod common;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::time::Duration;
 
-use common::Elk;
 use common::events::{Patience, once_served};
 use common::small::small;
+use common::{Elk, free_port};
 use elk_bus::moos::client::{ClientError, MoosClient};
 use elk_bus::moos::hello::Manner;
 use elk_bus::{Community, ConnectError};
 use rustix::process::Signal;
-
-/// A port that nobody listens at now.
-fn free_port() -> SocketAddr {
-    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
-}
 
 /// Connects as soon as the community's broker lets clients of MOOS' in.
 fn connect(elk: &Elk, address: SocketAddr, name: &str) -> MoosClient {
@@ -32,38 +27,64 @@ fn connect(elk: &Elk, address: SocketAddr, name: &str) -> MoosClient {
 #[test]
 fn a_client_of_moos_follows_a_mission_and_its_broker_s_death() {
     let (elk, address) = (Elk::new("moos"), free_port());
-    let bus = format!("<Bus moos=\"{address}\"/>");
+    let bus = format!("<Bus moos=\"{address}\" texts=\"SIM_*\"/>");
     let mission = elk.launch(&small("manual", &bus));
     let patience = Patience::new();
     // It is registered before anybody has said anything, or is given what was said last.
     let hear = |client: &mut MoosClient, wanted: &str| {
         client.register(wanted, 0.0);
-        let mut source = None;
-        while source.is_none() {
+        let mut heard = None;
+        while heard.is_none() {
             patience.left(format_args!("{wanted} is heard"));
             let mut note = |message: &elk_bus::moos::message::Message<'_>| {
                 if message.key == wanted.as_bytes() {
-                    source = Some(String::from_utf8_lossy(message.source).into_owned());
+                    heard =
+                        Some([message.source, message.value].map(|text| String::from_utf8_lossy(text).into_owned()));
                 }
             };
             client.receive(Duration::from_millis(100), &mut note).unwrap();
         }
-        source.unwrap()
+        heard.unwrap()
     };
     let mut client = connect(&elk, address, "uXMS");
-    assert_eq!(hear(&mut client, "DB_CLIENTS"), format!("MOOSDB_{}", elk.community()));
-    assert_eq!(hear(&mut client, "SENSOR_STATUS"), "Sensor");
+    assert_eq!(hear(&mut client, "DB_CLIENTS")[0], format!("MOOSDB_{}", elk.community()));
+    assert_eq!(hear(&mut client, "SENSOR_STATUS")[0], "Sensor");
+    let [_, pose] = hear(&mut client, "SIM_SENSOR");
+    let is_pose = |text: &str| text.starts_with("Name=SIM_SENSOR,Command=0,Pose.Rotation=[4x1]{");
+    assert!(is_pose(&pose) && pose.contains("},Pose.Translation=[3x1]{"), "{pose}");
     common::kill(mission.process_with("db\0--community\0"), Signal::KILL);
     while client.receive(Duration::from_millis(100), |_| {}).is_ok() {
         patience.left("the connection ends with the broker");
     }
     // As MOOS' clients do by themselves.
     let mut client = connect(&elk, address, "uXMS");
-    assert_eq!(hear(&mut client, "SENSOR_STATUS"), "Sensor", "who was there has come back");
+    assert_eq!(hear(&mut client, "SENSOR_STATUS")[0], "Sensor", "who was there has come back");
+    assert!(is_pose(&hear(&mut client, "SIM_SENSOR")[1]), "the next broker knows which values are texts");
     drop(client);
     common::kill(mission.id(), Signal::TERM);
     mission.end();
     elk.wait_until_deserted();
+}
+
+#[test]
+fn what_a_mission_says_to_moos_apps_is_where_they_find_it() {
+    let (elk, address) = (Elk::new("moos-port"), free_port());
+    let more = format!(
+        "<Filter type=\"Distance\"><MOOSHost> localhost </MOOSHost><MOOSPort> {} </MOOSPort></Filter>",
+        address.port()
+    );
+    let mission = elk.launch(&small("manual", &more));
+    let client = connect(&elk, address, "uXMS");
+    assert_eq!(client.welcomed().community, elk.community());
+    drop(client);
+    common::kill(mission.id(), Signal::TERM);
+    mission.end();
+    elk.wait_until_deserted();
+    let file = elk.folder().join("small.xml");
+    std::fs::write(&file, small("auto", &more)).unwrap();
+    let launch = ["launch", file.to_str().unwrap(), "--in-process", "--headless", "--community", elk.community()];
+    let said = elk.refused(&launch);
+    assert!(said.contains("<Bus moos>, or MOOSHost and MOOSPort, let clients of MOOS' in"), "{said}");
 }
 
 #[test]

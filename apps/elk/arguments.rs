@@ -8,6 +8,7 @@ use clap::Args;
 use elk_bus::Community;
 use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
 use elk_bus::moos::gateway::{Address, GatewayOptions, Network};
+use elk_bus::moos::text::Texts;
 use elk_mission::Override;
 
 /// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
@@ -41,13 +42,17 @@ pub struct BrokerArgs {
     /// Let them publish under the names of others, as players of logs and bridges do
     #[arg(long, requires = "moos")]
     pub moos_any_source: bool,
+    /// Variables whose typed values they hear and say as Key=Value texts; may be said several times
+    #[arg(long, value_name = "PATTERN", requires = "moos")]
+    pub moos_text: Vec<String>,
 }
 
 impl BrokerArgs {
     /// Where MOOS' clients may connect, if they may.
     pub fn gateway(&self) -> Option<GatewayOptions> {
         let (networks, any_source) = (self.moos_from.clone(), self.moos_any_source);
-        self.moos.clone().map(|address| GatewayOptions { networks, any_source, ..GatewayOptions::new(address) })
+        let texts = Texts::new(self.moos_text.iter().cloned());
+        self.moos.clone().map(|address| GatewayOptions { networks, any_source, texts, ..GatewayOptions::new(address) })
     }
 }
 

@@ -16,6 +16,7 @@ pub mod spoilt;
 pub mod terminal;
 
 use std::io::Read;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -23,6 +24,11 @@ use std::process::{Child, Command, Output, Stdio};
 use elk_bus::{Client, Community, ProcessStat};
 use events::{Events, end_of, once_served, wait_until_gone};
 use rustix::process::{Pid, Signal, kill_process};
+
+/// An address of this machine that nobody listens at now.
+pub fn free_port() -> SocketAddr {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
+}
 
 /// All that a program has said.
 pub fn said(output: &Output) -> String {

@@ -10,7 +10,7 @@ use std::process::{Command as Process, Stdio};
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use crate::common::lab::{hear, wait_for_clients};
-use crate::common::{Elk, Launcher};
+use crate::common::{Elk, Launcher, free_port};
 use crate::page::{Command, Part};
 
 /// The repository.
@@ -136,9 +136,10 @@ impl Scene {
         let root = elk.folder().join("clone");
         let made = |path: &Path| std::fs::create_dir_all(path).unwrap();
         ["clone/target", "home", "bin", "shell"].iter().for_each(|folder| made(&elk.folder().join(folder)));
-        for shared in ["mission-files", "tests", "docs"] {
+        for shared in ["tests", "docs"] {
             symlink(Path::new(CLONE).join(shared), root.join(shared)).unwrap();
         }
+        put_missions(&root.join("mission-files"));
         symlink(built(), root.join("target/release")).unwrap();
         std::fs::write(root.join("room.obj"), ROOM).unwrap();
         for (name, text) in [("cargo", CARGO), ("dot", DOT)] {
@@ -284,6 +285,21 @@ impl Scene {
         };
         let runs = std::fs::read_dir(self.root.join("logs")).unwrap().map(|entry| entry.unwrap().path());
         runs.filter(is_right).max_by_key(|run| run.metadata().unwrap().modified().unwrap()).expect("a run")
+    }
+}
+
+/// Puts the missions of the clone into a folder. The port at which that of the thesis lets clients of MOOS' in is a reader's own,
+/// and here perhaps somebody else's.
+fn put_missions(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    for mission in std::fs::read_dir(Path::new(CLONE).join("mission-files")).unwrap() {
+        let (from, name) = mission.map(|mission| (mission.path(), mission.file_name())).unwrap();
+        if name != "thesis-listing-2.xml" {
+            symlink(from, folder.join(name)).unwrap();
+            continue;
+        }
+        let port = free_port().port().to_string();
+        std::fs::write(folder.join(name), std::fs::read_to_string(from).unwrap().replace("9000", &port)).unwrap();
     }
 }
 

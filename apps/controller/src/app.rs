@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use elk_bus::{AppError, Comms, Handled, Handlers, Key, Mail, Rejection, number, tell, text};
-use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
+use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN,
@@ -55,8 +55,6 @@ const PARAMS: &[ParamSpec] = &[
         "How fast the robot turns, while it goes or on the spot, at Pace 1.",
     ),
     param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause."),
-    MOOS_HOST,
-    MOOS_PORT,
 ];
 
 /// The [`Follower`] on the bus.

@@ -131,7 +131,9 @@ pub enum LaunchError {
     #[error("{0} is an executable of its own: it cannot run inside this process, launch without --in-process")]
     NoThread(String),
     /// Nobody comes into a process over the network.
-    #[error("<Bus moos> lets clients of MOOS' in: that takes a broker of its own, launch without --in-process")]
+    #[error(
+        "<Bus moos>, or MOOSHost and MOOSPort, let clients of MOOS' in: that takes a broker of its own, launch without --in-process"
+    )]
     NoSockets,
     /// An app runs but did not come to the bus.
     #[error("{} did not register within {secs} s; what they say is in {}", .apps.join(", "), .folder.display())]

@@ -3,7 +3,7 @@
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handled, Handlers, Key, Mail, Rejection, Subscribe, tell};
 use elk_geometry::{OccupancyGrid, Pose};
-use elk_mission::{Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
+use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::Scan;
 use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_REVISIONS_AHEAD};
 use elk_spatial::keyframe::{Keyframe, MapPart, Step};
@@ -25,8 +25,6 @@ pub const COMMON: &[ParamSpec] = &[
     param("Output", Kind::Variable, "SCAN", "Variable under which scans are published."),
     param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published."),
     param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
-    MOOS_HOST,
-    MOOS_PORT,
 ];
 
 /// A sensor of any source, with the parameters that all share.

@@ -282,6 +282,14 @@ impl Draft {
         self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))
     }
 
+    /// Takes out all that was said of a parameter.
+    pub fn take(&mut self, param: &str) -> Vec<Given> {
+        let (taken, given) =
+            std::mem::take(&mut self.given).into_iter().partition(|given| given.name.eq_ignore_ascii_case(param));
+        self.given = given;
+        taken
+    }
+
     /// Where the value of a parameter is said; the app's own location, if it is not.
     pub fn value_at(&self, param: &str) -> &At {
         self.given(param).map_or(&self.at, |given| &given.value_at)

@@ -44,9 +44,11 @@ fn put_bus(text: &mut String, moos: &GatewayOptions) {
     let from = moos.networks.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
     let from = if from.is_empty() { from } else { format!(" from=\"{from}\"") };
     let sources = if moos.any_source { "any" } else { "own" };
+    let texts = moos.texts.patterns().collect::<Vec<_>>().join(" ");
+    let texts = if texts.is_empty() { texts } else { format!(" texts=\"{}\"", escaped(&texts)) };
     let address = escaped(&moos.address.to_string());
     // Writing to a String cannot fail.
-    let _ = writeln!(text, "    <{BUS} moos=\"{address}\"{from} sources=\"{sources}\"/>");
+    let _ = writeln!(text, "    <{BUS} moos=\"{address}\"{from} sources=\"{sources}\"{texts}/>");
 }
 
 fn put_app(text: &mut String, app: &AppSpec, omit: &dyn Fn(&AppSpec, &str) -> bool) {

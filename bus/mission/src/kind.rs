@@ -63,7 +63,7 @@ pub enum Kind {
 /// both together.
 pub const fn joined<const N: usize>(one: &[ParamSpec], other: &[ParamSpec]) -> [ParamSpec; N] {
     assert!(one.len() + other.len() == N);
-    let mut all = [MOOS_HOST; N];
+    let mut all = [ParamSpec { name: "", kind: Kind::Flag, default: None, doc: "" }; N];
     let mut i = 0;
     while i < N {
         all[i] = if i < one.len() { one[i] } else { other[i - one.len()] };
@@ -71,13 +71,3 @@ pub const fn joined<const N: usize>(one: &[ParamSpec], other: &[ParamSpec]) -> [
     }
     all
 }
-
-const FOR_MOOS: &str = "Accepted for MOOS' sake, without effect: the broker is found by the community's name.";
-
-/// Where MOOS would look for its database.
-pub const MOOS_HOST: ParamSpec =
-    ParamSpec { name: "MOOSHost", kind: Kind::Text, default: Some("localhost"), doc: FOR_MOOS };
-
-/// The port that MOOS would use.
-pub const MOOS_PORT: ParamSpec =
-    ParamSpec { name: "MOOSPort", kind: Kind::Integer { min: 1, max: 65_535 }, default: Some("9000"), doc: FOR_MOOS };

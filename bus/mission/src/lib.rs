@@ -16,7 +16,7 @@
 //!
 //! A Scenario has `name`, `type` (`auto` or `manual`), `version`, and, for its broker, which is always started again,
 //! `broker-restarts`, `broker-window` and `mailbox`; on an app they are an error. Its `<Bus moos="127.0.0.1:9000"/>` lets
-//! MOOS' own clients in (`from`, `sources`: see `elk types`).
+//! MOOS' own clients in (`from`, `sources`, `texts`: see `elk types`), and so do an app's `MOOSHost` and `MOOSPort`.
 //!
 //! While a mission runs, an app can be exchanged for one of another type, or another executable:
 //! [`AppSpec::exchange_among`] holds that against the same registry, and against the other apps.
@@ -52,7 +52,7 @@ mod xml;
 pub use arguments::{ArgumentsError, join_arguments, split_arguments};
 pub use describe::{describe, describe_params};
 pub use exchange::{Exchange, Exchanged};
-pub use kind::{Kind, MOOS_HOST, MOOS_PORT, ParamSpec, joined};
+pub use kind::{Kind, ParamSpec, joined};
 pub use mission::MissionError;
 pub use name::is_app_name;
 pub use nearest::{instead, nearest};

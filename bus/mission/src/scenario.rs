@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use elk_bus::moos::gateway::GatewayOptions;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::bus::{self, BUS};
@@ -52,11 +51,12 @@ pub(crate) fn check(
         return None;
     }
     let (name, said_mode, broker) = head(scenario, file, problems);
-    let (mut drafts, moos) = drafts(&context, scenario, problems);
+    let (mut drafts, bus) = drafts(&context, scenario, problems);
     count(&drafts, &at, problems);
     draft::suppose_elements(&mut drafts, registry, &at);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
+    let moos = bus::gateway(bus, &mut drafts, problems);
     wiring::connect(&mut drafts, problems);
     variables::check(&drafts, problems);
     let mode = wiring::manual(&drafts).unwrap_or(said_mode);
@@ -138,9 +138,9 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
 }
 
 /// The apps, and who else may come to the broker.
-fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> (Vec<Draft>, Option<GatewayOptions>) {
+fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> (Vec<Draft>, Option<bus::Said>) {
     loose_text(scenario, problems);
-    let (mut drafts, mut moos, mut of_bus) = (Vec::new(), None, 0);
+    let (mut drafts, mut bus) = (Vec::new(), None);
     for node in scenario.children().filter(Node::is_element) {
         let element = node.tag_name().name();
         if drafts.len() == MOST_APPS {
@@ -151,11 +151,10 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> (Vec<Dr
         if element::named(element).is_some() {
             drafts.push(Draft::read(context, node, problems));
         } else if element == BUS {
-            of_bus += 1;
-            if of_bus > 1 {
+            if bus.is_some() {
                 problems.add(&At::Byte(node.range().start), format!("a second <{BUS}>; one is right"));
             }
-            moos = bus::read(node, problems);
+            bus = Some(bus::read(node, problems));
         } else {
             let known: Vec<&str> = ELEMENTS.iter().map(|one| one.name).chain([BUS]).collect();
             let at = At::Byte(node.range().start);
@@ -163,7 +162,7 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> (Vec<Dr
             problems.add(&at, format!("<{element}> is no element of a Scenario; {right}"));
         }
     }
-    (drafts, moos)
+    (drafts, bus)
 }
 
 fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {

@@ -391,7 +391,7 @@ impl Gateway {
         let (community, hostname) = (self.community.as_str(), self.hostname.as_str());
         Welcome { community, hostname, time: round.time() }.put(hello.time, connection.out(at));
         let life = (round.now.max(0.0) * 1e3) as u64;
-        let session = Session::new(&hello.name, hello.manner, life, self.options.any_source);
+        let session = Session::new(&hello.name, hello.manner, life, self.options.any_source, &self.options.texts);
         connection.client = Some(Named { id, name: hello.name, session, told: Vec::new() });
         self.owed.insert(token);
         // Whoever is given the session of one that died has nothing to say before it.
@@ -482,7 +482,7 @@ impl Gateway {
                 // As what the server does not know: the asker waits for 2 s, and asks again.
                 requests.clear();
             }
-            let answering = Answering { broker: &round.host.broker, requests };
+            let answering = Answering { broker: &round.host.broker, texts: &self.options.texts, requests };
             let time = round.time();
             let mut out = std::mem::take(connection.out(at));
             let Connection { client: Some(client), .. } = connection else { return Ok(false) };

@@ -6,6 +6,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | [`message`], [`packet`], [`hello`] | the protocol: a message, a stream of packets, the handshake; bytes in, bytes out |
+//! | [`text`] | typed values as MOOS writes them, `Key=Value`, and back |
 //! | [`session`] | a client that was let in: what it says becomes frames for the broker, and its mail packets |
 //! | [`gateway`] | the sockets, beside the broker's other transport and in its process |
 //! | [`client`] | a small client of our own, for tests and benchmarks |
@@ -16,6 +17,7 @@ pub mod hello;
 pub mod message;
 pub mod packet;
 pub mod session;
+pub mod text;
 
 #[cfg(test)]
 mod tests;

@@ -12,6 +12,7 @@ use elk_proto::wire::{self, Frame, FrameKind};
 use crate::hello::Manner;
 use crate::message::{Data, Kind, Message, REQUEST_ID};
 use crate::packet::PacketWriter;
+use crate::text::Texts;
 use down::Down;
 pub use down::data_of;
 pub use refusal::Refusal;
@@ -57,12 +58,13 @@ const REFUSALS: usize = 64;
 
 impl Session {
     /// The session of a client of this name. `life` tells it from those that had the name before it (see
-    /// [`wire::first_sequence`]); `any_source`: it may publish under the names of others.
-    pub fn new(name: &str, manner: Manner, life: u64, any_source: bool) -> Self {
+    /// [`wire::first_sequence`]); `any_source`: it may publish under the names of others; `texts` are the variables whose typed
+    /// values it hears and says as texts.
+    pub fn new(name: &str, manner: Manner, life: u64, any_source: bool, texts: &Texts) -> Self {
         Self {
             manner,
-            up: Up::new(name, life, any_source),
-            down: Down::default(),
+            up: Up::new(name, life, any_source, texts.clone()),
+            down: Down::new(texts.clone()),
             timing: None,
             replies_due: 0,
             requests: Vec::new(),
@@ -192,6 +194,9 @@ impl Session {
         match frame.header.kind {
             FrameKind::Notify => {
                 self.given += 1;
+                if let Err(refusal) = self.down.put_into_text(frame) {
+                    self.refuse(refusal);
+                }
                 if let Some(message) = self.down.message(frame) {
                     packet.put(&message);
                 }

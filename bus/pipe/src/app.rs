@@ -21,6 +21,8 @@ use crate::carried::Carried;
 use crate::program::{Errors, Heard, Program};
 use crate::words::{self, Publish, Registration, Said};
 
+/// Environment variable of a program that is an app here, `1`: one that can be on the bus itself is told that it is not.
+pub const LINES: &str = "ELK_LINES";
 /// How long a program that is asked to stop may take.
 pub const STOP_PATIENCE: Duration = Duration::from_secs(5);
 /// How long a program may take to be ready.
@@ -63,7 +65,8 @@ pub struct PipeApp {
 impl PipeApp {
     /// A program that is told these parameters. One that is registered for something here is ready from the start; any other
     /// says so itself.
-    pub fn new(command: Command, parameters: Vec<(String, String)>, registrations: Vec<Registration>) -> Self {
+    pub fn new(mut command: Command, parameters: Vec<(String, String)>, registrations: Vec<Registration>) -> Self {
+        command.env(LINES, "1");
         Self {
             title: command.get_program().to_string_lossy().into_owned(),
             command: Some(command),

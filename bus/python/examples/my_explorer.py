@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """The explorer of docs/strategy.md over shared memory: where to look is closest_look.py's, what is heard and said is here.
-elk launch apartment --set Explorer.exec=bus/python/examples/my_explorer.py"""
+elk launch apartment --set Explorer.exec=bus/python/examples/my_explorer.py; in a suite pipe="…/my_explorer.py" has it told in lines."""
 import pathlib, sys, time
 import elk
 

@@ -6,3 +6,4 @@ mod handshake;
 mod hostile;
 mod mail;
 mod server;
+mod text;

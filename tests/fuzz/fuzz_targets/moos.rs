@@ -6,18 +6,39 @@ use elk_bus::broker::{Broker, BrokerConfig};
 use elk_bus::moos::hello::{Hello, Manner};
 use elk_bus::moos::packet::{Decoder, Event};
 use elk_bus::moos::session::Session;
-use elk_bus::{Introduction, wire};
+use elk_bus::moos::text::Texts;
+use elk_bus::wire::{FrameKind, Header, Named, TYPED, ValueKind};
+use elk_bus::{Introduction, Payload, TypeRef, wire};
 use libfuzzer_sys::fuzz_target;
 
 /// The longest message that is taken (bytes).
 const LONGEST: usize = 1 << 12;
+
+/// What one of elk's apps reads in `POSE`, whose values are texts here.
+#[elk_bus::payload]
+struct Pose {
+    pose: [f64; 3],
+    words: Option<String>,
+    counts: Vec<u8>,
+}
+
+/// An app of elk's that reads it.
+fn read_poses(broker: &mut Broker) {
+    let id = broker.connect(1.0, &Introduction::new("reader")).unwrap();
+    let mut batch = Vec::new();
+    wire::put_definition(&mut batch, Named::Type, 0, Pose::NAME, Pose::LAYOUT, &TypeRef::of::<Pose>().text());
+    let typed = Header { flags: TYPED, value_kind: ValueKind::Binary, ..Header::new(FrameKind::Register) };
+    wire::put(&mut batch, &typed, b"POSE", b"*");
+    broker.receive(1.0, id, &batch).unwrap();
+}
 
 fuzz_target!(|data: &[u8]| {
     let Some(([piece, manner, any_source], said)) = data.split_first_chunk() else { return };
     let manner = if manner % 2 == 0 { Manner::Asynchronous } else { Manner::Synchronous };
     let mut broker = Broker::new(BrokerConfig::new("fuzz"), 1.0);
     let id = broker.connect(1.0, &Introduction::new("stranger")).unwrap();
-    let mut session = Session::new("stranger", manner, 1, any_source % 2 == 0);
+    read_poses(&mut broker);
+    let mut session = Session::new("stranger", manner, 1, any_source % 2 == 0, &Texts::of("*"));
     let mut decoder = Decoder::of_client(LONGEST);
     decoder.extend(&elk_bus::moos::packet::greeting());
     for piece in said.chunks(usize::from(*piece).max(1)) {

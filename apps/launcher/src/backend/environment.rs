@@ -36,6 +36,7 @@ impl Environment {
             command.args(["--moos", &moos.address.to_string()]);
             moos.networks.iter().for_each(|one| _ = command.args(["--moos-from", &one.to_string()]));
             command.args(moos.any_source.then_some("--moos-any-source"));
+            moos.texts.patterns().for_each(|one| _ = command.args(["--moos-text", one]));
         }
         command
     }

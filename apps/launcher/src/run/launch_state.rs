@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::moos::gateway::{AddressError, GatewayOptions};
+use elk_bus::moos::text::Texts;
 use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm, text};
 use elk_mission::variables::LAUNCH_STATE;
 use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
@@ -89,6 +90,7 @@ struct MoosState {
     address: String,
     networks: Vec<String>,
     any_source: bool,
+    texts: Vec<String>,
 }
 
 impl LaunchState {
@@ -276,7 +278,8 @@ impl AppState {
 impl MoosState {
     fn of(moos: &GatewayOptions) -> Self {
         let networks = moos.networks.iter().map(ToString::to_string).collect();
-        Self { address: moos.address.to_string(), networks, any_source: moos.any_source }
+        let texts = moos.texts.patterns().map(str::to_owned).collect();
+        Self { address: moos.address.to_string(), networks, any_source: moos.any_source, texts }
     }
 
     /// The options, or what is wrong with their words.
@@ -284,7 +287,8 @@ impl MoosState {
         let odd = |error: AddressError| format!("what its launcher left word of is odd: {error}");
         let networks = self.networks.iter().map(|one| one.parse()).collect::<Result<_, _>>().map_err(odd)?;
         let address = self.address.parse().map_err(odd)?;
-        Ok(GatewayOptions { networks, any_source: self.any_source, ..GatewayOptions::new(address) })
+        let (any_source, texts) = (self.any_source, Texts::new(self.texts.iter().cloned()));
+        Ok(GatewayOptions { networks, any_source, texts, ..GatewayOptions::new(address) })
     }
 }
 

@@ -30,10 +30,7 @@ fn the_listing_of_the_thesis_parses_as_printed() {
             "Logger Mcap"
         ]
     );
-    assert_eq!(
-        settings(&mission, "Sensor"),
-        "MOOSHost=localhost MOOSPort=9000 MOOSPoseVarName=SIM_SENSOR PoseEstimator=none World=car-interior"
-    );
+    assert_eq!(settings(&mission, "Sensor"), "MOOSPoseVarName=SIM_SENSOR PoseEstimator=none World=car-interior");
     assert_eq!(settings(&mission, "Explorer"), "Mid=0; 0; 0 Dim=5.7; 4.3; 4.5 Res=0.1 Policy=elk");
     let Program::Builtin(_, params) = &mission.apps[3].program else { panic!("not built in") };
     assert_eq!(params.point("Dim"), [5.7, 4.3, 4.5]);
@@ -85,8 +82,11 @@ fn clients_of_moos_are_let_in_where_the_bus_says() {
     let said = moos(r#"<Bus moos="0.0.0.0:9000" from="192.168.1.0/24 10.0.0.7" sources="any"/>"#).unwrap().unwrap();
     assert_eq!((said.address.to_string().as_str(), said.any_source), ("0.0.0.0:9000", true));
     assert!(said.admits("192.168.1.9".parse().unwrap()) && !said.admits("10.0.0.8".parse().unwrap()));
-    let again = parse(&with(r#"<Bus moos="localhost:9000"/>"#), &[]).unwrap().to_xml(&|_, _| false);
-    assert!(again.contains(r#"<Bus moos="localhost:9000" sources="own"/>"#), "{again}");
+    let again = |line: &str| parse(&with(line), &[]).unwrap().to_xml(&|_, _| false);
+    let said = again(r#"<Bus moos="localhost:9000"/>"#);
+    assert!(said.contains(r#"<Bus moos="localhost:9000" sources="own"/>"#), "{said}");
+    let said = again(r#"<Bus moos="localhost:9000" texts="SIM_SENSOR, NAV_*"/>"#);
+    assert!(said.contains(r#"<Bus moos="localhost:9000" sources="own" texts="SIM_SENSOR NAV_*"/>"#), "{said}");
 
     let wrong = |line: &str, what: &str| {
         let said = parse(&with(line), &[]).unwrap_err();
@@ -99,6 +99,63 @@ fn clients_of_moos_are_let_in_where_the_bus_says() {
     wrong("<Bus/>", "<Bus> says nothing of moos");
     wrong(r#"<Bus moos="localhost:9000"><X/></Bus>"#, "<X> within <Bus>");
     wrong(r#"<Bus moos="localhost:9000"/><Bus moos="localhost:9001"/>"#, "a second <Bus>");
+}
+
+#[test]
+fn what_moos_apps_are_told_is_where_clients_of_moos_are_let_in() {
+    let moos = |text: &str, sets: &[&str]| parse(text, sets).map(|mission| mission.moos);
+    let address = |text: &str, sets: &[&str]| moos(text, sets).unwrap().map(|moos| moos.address.to_string());
+    assert_eq!(address(LISTING_2, &[]).as_deref(), Some("localhost:9000"));
+    // As it ran, it says the same once, and of no app.
+    let mission = parse(LISTING_2, &[]).unwrap().to_xml(&|_, _| false);
+    assert!(
+        mission.contains(r#"<Bus moos="localhost:9000" sources="own"/>"#) && !mission.contains("MOOSPort"),
+        "{mission}"
+    );
+    assert_eq!(address(&mission, &[]).as_deref(), Some("localhost:9000"));
+
+    let one = r#"<Filter type="Distance" MOOSPort="9001"/>"#;
+    assert_eq!(address(&with(one), &[]).as_deref(), Some("localhost:9001"), "the host that is not said is MOOS' own");
+    assert_eq!(address(&with(""), &["Map.MOOSHost=[::1]"]).as_deref(), Some("[::1]:9000"));
+    let both = ["Sensor.MOOSPort=9100", "Controller.MOOSPort=9100"];
+    assert_eq!(address(LISTING_2, &both).as_deref(), Some("localhost:9100"), "the command line comes before the file");
+    // A program of somebody else's may have to be told where its database is.
+    let other = r#"<App exec="pLogger" name="L"><MOOSPort>9000</MOOSPort></App>"#;
+    let mission = parse(&with(other), &[]).unwrap();
+    assert_eq!((mission.moos.clone(), settings(&mission, "L").as_str()), (None, "MOOSPort=9000"));
+    // Where is said there, who here.
+    let beside = format!(r#"{one}<Bus sources="any" texts="PLAN"/>"#);
+    let said = moos(&with(&beside), &[]).unwrap().unwrap();
+    assert_eq!((said.address.to_string().as_str(), said.any_source), ("localhost:9001", true));
+    let same = format!(r#"{one}<Bus moos="127.0.0.1:9001"/>"#);
+    assert_eq!(address(&with(&same), &[]).as_deref(), Some("127.0.0.1:9001"));
+    let port_alone = format!(r#"{one}<Bus moos="0.0.0.0:9001" from="10.0.0.0/8"/>"#);
+    assert_eq!(address(&with(&port_alone), &[]).as_deref(), Some("0.0.0.0:9001"));
+}
+
+#[test]
+fn two_places_for_clients_of_moos_are_one_too_many() {
+    let wrong = |text: &str, sets: &[&str], what: &str| {
+        let said = parse(text, sets).unwrap_err();
+        assert!(said.contains(what), "{said}");
+    };
+    let right = "right is one for all: clients of MOOS' connect there";
+    let of_sensor = ["Sensor.MOOSPort=9001"];
+    wrong(LISTING_2, &of_sensor, &format!("m.xml:24:20: MOOSPort: \"9000\" is not Sensor's \"9001\"; {right}"));
+    wrong(LISTING_2, &["Map.MOOSHost=boat"], &format!("MOOSHost: \"boat\" is not Sensor's \"localhost\"; {right}"));
+    let one = r#"<Filter type="Distance" MOOSHost="localhost" MOOSPort="9001"/>"#;
+    let right = "of <Bus moos>; right is the same, or one of the two alone";
+    wrong(
+        &with(&format!(r#"{one}<Bus moos="localhost:9000"/>"#)),
+        &[],
+        &format!("MOOSPort: \"9001\" is not the \"9000\" {right}"),
+    );
+    wrong(
+        &with(&format!(r#"{one}<Bus moos="boat:9001"/>"#)),
+        &[],
+        &format!("MOOSHost: \"localhost\" is not the \"boat\" {right}"),
+    );
+    wrong(&with(""), &["Map.MOOSPort=many"], "MOOSHost and MOOSPort: \"localhost:many\" is no address to listen at");
 }
 
 #[test]
@@ -126,9 +183,9 @@ fn one_app_by_itself_is_checked_against_the_same_table() {
 fn the_table_is_shown_to_people() {
     let text = describe(&Registry::new(&[SENSOR]));
     assert!(text.starts_with(
-        "<Sensor type=\"Simulator\">  A depth camera in a world of triangles.\n    MOOSHost         Accepted.\n"
+        "<Sensor type=\"Simulator\">  A depth camera in a world of triangles.\n    MOOSPoseVarName  Variable of its pose.\n"
     ));
-    assert!(text.contains("(a whole number from 1 to 65535; default: 9000)"));
+    assert!(text.contains("(a whole number from 1 to 1024; default: 4)"));
     assert!(text.contains("    restart         What happens when the app dies"));
     assert!(text.contains("(a number from 1 to 86400, in s; default: 60)"));
     let text = describe(&registry());

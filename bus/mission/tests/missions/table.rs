@@ -15,8 +15,6 @@ pub const fn param(name: &'static str, kind: Kind, default: Option<&'static str>
 
 pub const RES: ParamSpec =
     param("Res", Kind::Number { unit: "m", min: 0.001, max: 10.0 }, Some("0.1"), "Edge of a voxel.");
-pub const HOST: ParamSpec = param("MOOSHost", Kind::Text, Some("localhost"), "Accepted.");
-pub const PORT: ParamSpec = param("MOOSPort", Kind::Integer { min: 1, max: 65535 }, Some("9000"), "Accepted.");
 pub const INPUT: ParamSpec = param("Input", Kind::Variable, Some("SCAN"), "Scans to read.");
 pub const OUTPUT: ParamSpec = param("Output", Kind::Variable, Some("SCAN_1"), "Scans to publish.");
 pub const MID: ParamSpec = param("Mid", Kind::Point { unit: "m" }, None, "Centre of the volume.");
@@ -28,8 +26,6 @@ pub const SENSOR: &[AppType] = &[AppType {
     name: "Simulator",
     summary: "A depth camera in a world of triangles.",
     params: &[
-        HOST,
-        PORT,
         param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "Variable of its pose."),
         param("PoseEstimator", Kind::Choice(&["none"]), Some("none"), "Accepted."),
         param("World", Kind::File { builtin: &["car-interior"], at_once: true }, Some("car-interior"), "World."),
@@ -85,7 +81,7 @@ pub const STAGES: &[AppType] = &[
         element: "Controller",
         name: "MOOSSim",
         summary: "Commands poses.",
-        params: &[HOST, PORT, param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "The sensor's pose.")],
+        params: &[param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "The sensor's pose.")],
         build: unbuilt,
         preflight: None,
     },

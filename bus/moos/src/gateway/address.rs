@@ -5,6 +5,8 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::str::FromStr;
 
+use crate::text::Texts;
+
 /// The most clients of MOOS' at a time, if nobody says otherwise.
 const CONNECTIONS: usize = 128;
 
@@ -17,6 +19,8 @@ pub struct GatewayOptions {
     pub networks: Vec<Network>,
     /// Whether a client may publish under the names of others, as players of logs and bridges do.
     pub any_source: bool,
+    /// Which variables' typed values clients hear and say as texts.
+    pub texts: Texts,
     /// The most clients at a time.
     pub connections: usize,
 }
@@ -24,7 +28,7 @@ pub struct GatewayOptions {
 impl GatewayOptions {
     /// A gateway for clients of this machine that publish under their own names.
     pub fn new(address: Address) -> Self {
-        Self { address, networks: Vec::new(), any_source: false, connections: CONNECTIONS }
+        Self { address, networks: Vec::new(), any_source: false, texts: Texts::default(), connections: CONNECTIONS }
     }
 
     /// Whether a client may connect from there.
@@ -60,6 +64,18 @@ impl FromStr for Address {
             return Err(bad());
         }
         Ok(Self(said.to_owned()))
+    }
+}
+
+impl Address {
+    /// The host, as it was said.
+    pub fn host(&self) -> &str {
+        self.0.rsplit_once(':').map_or("", |(host, _)| host)
+    }
+
+    /// The port, as it was said.
+    pub fn port(&self) -> &str {
+        self.0.rsplit_once(':').map_or("", |(_, port)| port)
     }
 }
 

@@ -1,11 +1,13 @@
 //! What clients ask the server for, read from the broker's table.
 
-use elk_proto::broker::{Broker, Surveyed};
-use elk_proto::wire::{self, BULK};
+use elk_proto::broker::{Broker, Carried, Surveyed};
+use elk_proto::types::Type;
+use elk_proto::wire::{self, BULK, ValueKind};
 
 use crate::message::{Data, Kind, Message, NO_NUMBER, REQUEST_ID};
 use crate::packet::PacketWriter;
 use crate::session::{Answers, Request, data_of};
+use crate::text::{Form, Texts};
 
 /// The longest answer (bytes, about): of variables beyond it the names are said, and not the values.
 const LONGEST: usize = 16 << 20;
@@ -13,14 +15,28 @@ const LONGEST: usize = 16 << 20;
 /// The answers to what a client has asked.
 pub(super) struct Answering<'a> {
     pub broker: &'a Broker,
+    pub texts: &'a Texts,
     pub requests: Vec<Request>,
+}
+
+impl Answering<'_> {
+    /// The value of a variable as text, if it is told as one and can be.
+    fn text(&self, one: &Surveyed<'_>) -> Option<String> {
+        let latest = one.latest.as_ref().filter(|frame| frame.header.flags & BULK == 0)?;
+        if latest.header.value_kind != ValueKind::Binary || !self.texts.names(one.key) {
+            return None;
+        }
+        let Some(Carried::Typed { name, layout, description }) = self.broker.carried(one.key) else { return None };
+        let form = Form::of(Type::from_text(name, layout, description).ok()?).ok()?;
+        form.text(one.key, latest.value).ok()
+    }
 }
 
 impl Answers for Answering<'_> {
     fn put(&mut self, packet: &mut PacketWriter<'_>) {
         for request in std::mem::take(&mut self.requests) {
             match request {
-                Request::All => self.broker.survey().for_each(|one| put_variable(&one, packet)),
+                Request::All => self.broker.survey().for_each(|one| put_variable(&one, self.text(&one), packet)),
                 Request::Variables => {
                     let mut names: Vec<&str> = self.broker.survey().map(|one| one.key).collect();
                     names.sort_unstable();
@@ -44,12 +60,16 @@ fn put_text(key: &str, text: &str, packet: &mut PacketWriter<'_>) {
     packet.put(&Message { id: REQUEST_ID, key: key.as_bytes(), value: text.as_bytes(), ..answer });
 }
 
-/// A variable: its time is since the server's start, its second number how often it is written (Hz).
-fn put_variable(one: &Surveyed<'_>, packet: &mut PacketWriter<'_>) {
+/// A variable, its value perhaps as text: its time is since the server's start, its second number how often it is written
+/// (Hz).
+fn put_variable(one: &Surveyed<'_>, text: Option<String>, packet: &mut PacketWriter<'_>) {
     let message = Message { id: REQUEST_ID, key: one.key.as_bytes(), ..Message::new(Kind::NOTIFY, Data::NOT_SET) };
     let Some(frame) = &one.latest else { return packet.put(&message) };
-    let is_here = frame.header.flags & BULK == 0 && packet.written() + frame.value.len() <= LONGEST;
-    let data = data_of(frame.header.value_kind);
+    let (data, bytes) = match &text {
+        Some(text) => (Data::STRING, text.as_bytes()),
+        None => (data_of(frame.header.value_kind), frame.value),
+    };
+    let is_here = frame.header.flags & BULK == 0 && packet.written() + bytes.len() <= LONGEST;
     packet.put(&Message {
         data,
         source: one.source.as_bytes(),
@@ -58,7 +78,7 @@ fn put_variable(one: &Surveyed<'_>, packet: &mut PacketWriter<'_>) {
         time: if one.written_secs < 0.0 { NO_NUMBER } else { one.written_secs },
         number: if data == Data::DOUBLE { wire::double(frame.value).unwrap_or(NO_NUMBER) } else { NO_NUMBER },
         second: one.rate_hz,
-        value: if data != Data::DOUBLE && is_here { frame.value } else { b"" },
+        value: if data != Data::DOUBLE && is_here { bytes } else { b"" },
         ..message
     });
 }

@@ -1,11 +1,12 @@
 //! Sessions before a broker, without sockets and without a clock.
 
-use elk_proto::broker::{Broker, BrokerConfig, Introduction};
+use elk_proto::broker::{Broker, BrokerConfig, Carried, Introduction};
 use elk_proto::wire::{self, ClientId, Header};
 
 use super::*;
 use crate::message::{NO_ID, NO_NUMBER};
 use crate::packet::{Decoder, Event};
+use crate::text::Texts;
 
 /// A broker, and clients of MOOS' before it.
 struct Town {
@@ -39,7 +40,7 @@ impl Town {
 
     fn enter(&mut self, name: &str, manner: Manner, any_source: bool) -> Citizen {
         let id = self.broker.connect(self.now, &Introduction::new(name)).unwrap();
-        Citizen { id, session: Session::new(name, manner, 5, any_source) }
+        Citizen { id, session: Session::new(name, manner, 5, any_source, &Texts::default()) }
     }
 
     fn say(&mut self, who: &mut Citizen, messages: &[Message<'_>]) {
@@ -265,8 +266,9 @@ fn bytes_are_of_the_type_that_their_variable_carries() {
     };
     town.say(&mut a, &[bytes("POSE"), bytes("IMAGE"), bytes("POSE")]);
     assert_eq!(a.session.take_refusals(), []);
-    assert_eq!(town.broker.type_of("POSE"), Some(("Pose", 0x77)));
-    assert_eq!(town.broker.type_of("IMAGE"), Some((BYTES_TYPE, 0)));
+    let typed = |name, layout| Some(Carried::Typed { name, layout, description: "" });
+    assert_eq!(town.broker.carried("POSE"), typed("Pose", 0x77));
+    assert_eq!(town.broker.carried("IMAGE"), typed(BYTES_TYPE, 0));
     let mut mail = Vec::new();
     town.broker.take_mail(elk, usize::MAX, &mut mail, |_, _| {});
     let values = wire::frames(&mail).flatten().filter(|frame| frame.header.kind == FrameKind::Notify);

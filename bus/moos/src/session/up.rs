@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 
-use elk_proto::broker::Broker;
+use elk_proto::broker::{Broker, Carried};
+use elk_proto::types::Type;
 use elk_proto::wire::{self, FrameKind, Header, Named, ValueKind};
 
 use super::refusal::Refusal;
 use super::wildcard::Wildcard;
 use crate::message::{Data, Message, NO_NUMBER};
+use crate::text::{Form, LONGEST_VALUE, Read, Texts};
 
 /// The type of bytes of which MOOS says nothing more.
 pub const BYTES_TYPE: &str = "MOOS binary";
@@ -27,6 +29,17 @@ pub struct Up {
     communities: Numbers,
     /// Types by their numbers, with their layouts: two versions of one are two, and a client publishes few.
     types: Vec<(Box<str>, u64)>,
+    /// Variables whose typed values the client says as texts, and what types of such texts are.
+    texts: Texts,
+    forms: Vec<TextType>,
+}
+
+/// A type whose values come as texts.
+#[derive(Debug)]
+struct TextType {
+    name: Box<str>,
+    layout: u64,
+    form: Form,
 }
 
 /// Names of one kind, by their numbers.
@@ -77,7 +90,7 @@ impl Numbers {
 
 impl Up {
     /// That of a client of this name.
-    pub fn new(name: &str, life: u64, any_source: bool) -> Self {
+    pub fn new(name: &str, life: u64, any_source: bool, texts: Texts) -> Self {
         Self {
             name: name.to_owned(),
             unnumbered: wire::first_sequence(life),
@@ -87,6 +100,8 @@ impl Up {
             sources: Numbers::new(Named::Source, 1),
             communities: Numbers::new(Named::Community, 1),
             types: Vec::new(),
+            texts,
+            forms: Vec::new(),
         }
     }
 
@@ -96,20 +111,26 @@ impl Up {
         if !message.time.is_finite() {
             return refused("its time is no number");
         }
-        let number = number_of(message);
-        let (value_kind, value) = match message.data {
-            Data::DOUBLE => (ValueKind::Double, &number[..number_len(message)]),
-            Data::STRING => (ValueKind::Text, message.value),
-            Data::BINARY => (ValueKind::Binary, message.value),
-            _ => return refused("it carries neither a number, nor a text, nor bytes"),
-        };
-        if value_kind == ValueKind::Text && std::str::from_utf8(value).is_err() {
+        if message.data == Data::STRING && std::str::from_utf8(message.value).is_err() {
             return refused("its text is not UTF-8: right is UTF-8, or binary data (NotifyBinary)");
         }
+        let read = if message.data == Data::STRING { self.read(message, broker)? } else { None };
+        let number = number_of(message);
+        let (value_kind, value) = match (message.data, &read) {
+            (_, Some((_, read))) => (ValueKind::Binary, read.bytes.as_slice()),
+            (Data::DOUBLE, _) => (ValueKind::Double, &number[..number_len(message)]),
+            (Data::STRING, _) => (ValueKind::Text, message.value),
+            (Data::BINARY, _) => (ValueKind::Binary, message.value),
+            _ => return refused("it carries neither a number, nor a text, nor bytes"),
+        };
         text(message.source_aux, message.key)?;
         let key = self.keys.number(message.key, batch)?;
-        let type_ = match value_kind {
-            ValueKind::Binary => self.type_of(message.key, broker, batch)?,
+        let type_ = match (value_kind, &read) {
+            (_, Some((form, _))) => {
+                let TextType { name, layout, .. } = &self.forms[*form];
+                number_of_type(&mut self.types, name, *layout, batch)
+            }
+            (ValueKind::Binary, None) => self.type_of(message.key, broker, batch)?,
             _ => 0,
         };
         let community = match message.community {
@@ -125,7 +146,7 @@ impl Up {
             community,
             // MOOS counts from 0, and -1 is no count.
             sequence: self.unnumbered + u64::try_from(message.id).map_or(0, |id| id + 1),
-            time: message.time,
+            time: read.as_ref().and_then(|(_, read)| read.time).unwrap_or(message.time),
             ..Header::new(FrameKind::Notify)
         };
         wire::put(batch, &header, aux, value);
@@ -148,13 +169,50 @@ impl Up {
 
     /// The type of bytes: that of the variable, if it has one.
     fn type_of(&mut self, key: &[u8], broker: &Broker, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
-        let (name, layout) = broker.type_of(text(key, key)?).unwrap_or((BYTES_TYPE, 0));
-        let known = self.types.iter().position(|(known, version)| **known == *name && *version == layout);
-        Ok(known.unwrap_or_else(|| {
-            wire::put_definition(batch, Named::Type, self.types.len() as u32, name, layout, "");
-            self.types.push((name.into(), layout));
-            self.types.len() - 1
-        }) as u32)
+        let (name, layout) = match broker.carried(text(key, key)?) {
+            Some(Carried::Typed { name, layout, .. }) => (name, layout),
+            _ => (BYTES_TYPE, 0),
+        };
+        Ok(number_of_type(&mut self.types, name, layout, batch))
+    }
+
+    /// What a text says, and in which form, if it is of a variable whose typed values come as texts.
+    fn read(&mut self, message: &Message<'_>, broker: &Broker) -> Result<Option<(usize, Read)>, Refusal> {
+        if self.texts.is_empty() {
+            return Ok(None);
+        }
+        let (variable, said) = (text(message.key, message.key)?, text(message.value, message.key)?);
+        if !self.texts.names(variable) {
+            return Ok(None);
+        }
+        let refused = |reason: String| Refusal { key: shown(message.key), reason };
+        let (name, layout, description) = match broker.carried(variable).or_else(|| broker.read_as(variable)) {
+            Some(Carried::Plain) => return Ok(None),
+            Some(Carried::Typed { name, layout, description }) => (name, layout, description),
+            None => {
+                let reason = "nobody has written it or reads it by its name, so that nobody knows its type";
+                return Err(refused(reason.to_owned()));
+            }
+        };
+        let form = self.form(name, layout, description).map_err(refused)?;
+        let read = self.forms[form].form.read(variable, said).map_err(refused)?;
+        match read.bytes.len() > LONGEST_VALUE {
+            true => {
+                Err(refused(format!("its value has {} bytes; at most {LONGEST_VALUE} are taken", read.bytes.len())))
+            }
+            false => Ok(Some((form, read))),
+        }
+    }
+
+    /// The place of a type's form.
+    fn form(&mut self, name: &str, layout: u64, description: &str) -> Result<usize, String> {
+        let is_same = |one: &TextType| *one.name == *name && one.layout == layout;
+        if let Some(place) = self.forms.iter().position(is_same) {
+            return Ok(place);
+        }
+        let form = Form::of(Type::from_text(name, layout, description)?)?;
+        self.forms.push(TextType { name: name.into(), layout, form });
+        Ok(self.forms.len() - 1)
     }
 
     /// A subscription to a variable, or its end.
@@ -170,6 +228,16 @@ impl Up {
         put_registration(batch, kind, &keys, &sources, interval);
         Ok(())
     }
+}
+
+/// The number of a type; a new one is introduced in `batch`.
+fn number_of_type(types: &mut Vec<(Box<str>, u64)>, name: &str, layout: u64, batch: &mut Vec<u8>) -> u32 {
+    let known = types.iter().position(|(known, version)| **known == *name && *version == layout);
+    known.unwrap_or_else(|| {
+        wire::put_definition(batch, Named::Type, types.len() as u32, name, layout, "");
+        types.push((name.into(), layout));
+        types.len() - 1
+    }) as u32
 }
 
 fn put_registration(batch: &mut Vec<u8>, kind: FrameKind, keys: &str, sources: &str, interval: f64) {

@@ -117,7 +117,7 @@ impl Broker {
     }
 
     /// Who expects what of a variable.
-    fn expectations<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (ClientId, &'a Expected)> {
+    pub(super) fn expectations<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (ClientId, &'a Expected)> {
         self.sessions.clients.iter().flat_map(move |(id, client)| {
             let of_name = client.registrations.iter().filter(move |r| r.key_pattern == name);
             of_name.filter_map(|r| Some((*id, r.expects.as_ref()?)))

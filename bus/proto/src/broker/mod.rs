@@ -32,7 +32,7 @@ pub use state::reached::{Reached, Succession};
 pub use state::registration::Registration;
 pub use state::sessions::Session;
 pub use state::{Action, Broker, BrokerConfig, Limits};
-pub use survey::Surveyed;
+pub use survey::{Carried, Surveyed};
 pub use wanted::WANTED;
 
 use crate::wire::{self, ClientId, Frame, FrameKind, WireError};

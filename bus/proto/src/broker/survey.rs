@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::state::Broker;
+use super::state::expected::Expected;
 use crate::wire::{self, Frame, ValueKind};
 
 /// A variable of the community.
@@ -22,6 +23,22 @@ pub struct Surveyed<'a> {
     pub rate_hz: f64,
 }
 
+/// What a variable carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Carried<'a> {
+    /// Numbers or texts.
+    Plain,
+    /// Values of a type.
+    Typed {
+        /// The type's name.
+        name: &'a str,
+        /// The hash of all that decides what its bytes mean.
+        layout: u64,
+        /// What its bytes are, as it travels; empty: nobody has said.
+        description: &'a str,
+    },
+}
+
 impl Broker {
     /// All variables, in the order in which they were first named.
     pub fn survey(&self) -> impl Iterator<Item = Surveyed<'_>> {
@@ -38,11 +55,23 @@ impl Broker {
         })
     }
 
-    /// Name and layout of the type that a variable carries; `None`: none of a name, or it carries nothing yet.
-    pub fn type_of(&self, key: &str) -> Option<(&str, u64)> {
+    /// What a variable carries; `None`: it carries nothing yet.
+    pub fn carried(&self, key: &str) -> Option<Carried<'_>> {
         let lock = self.variables[self.names.keys.known(key)?].lock?;
-        let is_typed = lock.kind == ValueKind::Binary;
-        is_typed.then(|| (self.names.types.name(lock.type_), self.names.types.layout(lock.type_)))
+        Some(if lock.kind == ValueKind::Binary { self.typed(lock.type_) } else { Carried::Plain })
+    }
+
+    /// What those read in a variable who have registered for it by its name; `None`: nobody has said.
+    pub fn read_as<'a>(&'a self, key: &'a str) -> Option<Carried<'a>> {
+        self.expectations(key).find_map(|(_, expected)| match expected {
+            Expected::Numbers | Expected::Texts => Some(Carried::Plain),
+            Expected::Values(name, layout) => self.names.types.known(name, *layout).map(|type_| self.typed(type_)),
+        })
+    }
+
+    fn typed(&self, type_: u32) -> Carried<'_> {
+        let (name, layout, description) = self.names.types.said(type_);
+        Carried::Typed { name, layout, description }
     }
 
     /// Of each client that is there its name, and the variables that it reads and writes.

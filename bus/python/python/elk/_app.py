@@ -9,6 +9,7 @@ from types import FrameType
 from typing import Dict, List, Optional
 
 from ._client import Client
+from ._lines import Lines, is_run_by_lines
 from ._elk import Message, Runner, launched
 
 
@@ -16,13 +17,17 @@ class App(Client):
     """An app: a subclass says what it does when it starts, with each message, and at its tick.
 
     Name, community and parameters are what a launcher has handed over (`elk launch`, `elk swap`), or a person at a terminal
-    (`python my_app.py Rate=4`), unless they are said here. Without both, the name is the program's and the community `elk`."""
+    (`python my_app.py Rate=4`), unless they are said here. Without both, the name is the program's and the community `elk`.
+
+    It is a client on shared memory where a mission says `exec="./my_app.py"`, and is heard in lines where it says `pipe="./my_app.py"`,
+    as a suite does (`elk.evaluate`)."""
 
     #: Time between two calls of `iterate` (s, the community's clock); None: it is never called.
     period: Optional[float] = None
 
     def __init__(self, name: Optional[str] = None, community: Optional[str] = None) -> None:
-        told_name, told_community, parameters, arguments = launched(sys.argv)
+        lines = Lines() if is_run_by_lines() else None
+        told_name, told_community, parameters, arguments = lines.launched() if lines else launched(sys.argv)
         #: The name that the broker knows it by.
         self.name: str = name or told_name
         #: The community that it joins.
@@ -31,7 +36,7 @@ class App(Client):
         self.parameters: Dict[str, str] = dict(parameters)
         #: Its other arguments.
         self.arguments: List[str] = arguments
-        self._runner = Runner(self.name, self.community)
+        self._runner = lines or Runner(self.name, self.community)
 
     def parameter(self, name: str, default: str) -> str:
         """A parameter's text, or `default` if nothing was said of it. As in MOOS, case does not count."""

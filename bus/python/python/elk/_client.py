@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 from ._elk import Runner
+from ._lines import Lines
 
 
 class Client:
     """A client of a community: what it says, from any thread."""
 
-    _runner: Runner
+    _runner: Union[Runner, Lines]
 
     def register(
         self, variables: str, sources: str = "*", *, rate: Optional[float] = None, lossless: bool = False
