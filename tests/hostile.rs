@@ -31,6 +31,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("POSE_COMMAND", Some("PoseCommand")),
     ("SIM_SENSOR", Some("CameraPose")),
     ("SENSOR_REPORT", Some("SensorReport")),
+    ("PLAYBACK", Some("Playback")),
     ("ACCURACY_REPORT", Some("AccuracyReport")),
     ("SCAN", Some("Scan")),
     ("SCAN_1", Some("Scan")),

@@ -49,6 +49,24 @@ fn a_map_is_converted_and_several_become_one() {
     assert_eq!(sums, [-0.8, -0.4, 0.85], "what both have seen adds up");
 }
 
+#[test]
+fn two_maps_are_held_against_each_other() {
+    let elk = Elk::new("mapfile-diff");
+    ray(&elk, "x.elkmap", 0, 0.1);
+    ray(&elk, "y.ot", 1, 0.1);
+    ray(&elk, "coarse.ot", 1, 0.2);
+    let told = mapfile(&elk, &["diff", "x.elkmap", "y.ot"]).unwrap();
+    // Both begin in one voxel, and the next of each is beside the other's.
+    assert!(
+        told.contains("x.elkmap: of 11 known voxels 9.09 % are the same in the other, 18.18 % to 1 voxels"),
+        "{told}"
+    );
+    let told = mapfile(&elk, &["diff", "x.elkmap", "x.elkmap", "--within", "0"]).unwrap();
+    assert!(told.contains("100.00 % are the same"), "{told}");
+    let refused = mapfile(&elk, &["diff", "x.elkmap", "coarse.ot"]).unwrap_err();
+    assert!(refused.contains("has voxels of 0.1 m and coarse.ot of 0.2 m; right is the same"), "{refused}");
+}
+
 /// A scan of one point, a metre before the sensor; no edges.
 #[test]
 fn the_scans_of_a_graph_become_a_map_of_the_voxels_that_are_asked_for() {

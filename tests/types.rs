@@ -24,12 +24,37 @@ fn every_mission_that_comes_with_elk_is_right_with_all_explorers() {
     let missions: Vec<_> = files.filter(|file| file.extension().is_some_and(|end| end == "xml")).collect();
     assert!(!missions.is_empty());
     for mission in missions {
+        if !std::fs::read_to_string(&mission).unwrap().contains("<Explorer") {
+            continue;
+        }
         for explorer in &explorers {
             let set = format!("Explorer.type={explorer}");
             let (right, said) = elk(&["check", mission.to_str().unwrap(), "--set", &set]);
             assert!(right, "{said}");
             assert!(said.contains(&format!("Explorer {explorer} Explorer")), "{said}");
         }
+    }
+}
+
+/// Recordings do not come with elk, and nothing else may be wrong with the missions that play them.
+#[test]
+fn every_mission_without_an_explorer_plays_a_recording_and_lacks_nothing_else() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("mission-files");
+    let files = std::fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path());
+    let missions = files.filter(|file| file.extension().is_some_and(|end| end == "xml"));
+    let text = |file: &Path| std::fs::read_to_string(file).unwrap();
+    let recorded: Vec<_> = missions.filter(|file| !text(file).contains("<Explorer")).collect();
+    assert!(recorded.len() >= 2, "{recorded:?}");
+    for mission in recorded {
+        let mut elk = Command::new(env!("CARGO_BIN_EXE_elk"));
+        let output = elk.arg("check").arg(&mission).env("ELK_DATA", "/nowhere").output().unwrap();
+        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(!output.status.success());
+        assert!(
+            said.starts_with("elk: Sensor: there is no ") && said.contains("ELK_DATA or Sensor.Recording"),
+            "{said}"
+        );
+        assert_eq!(said.lines().count(), 1, "{said}");
     }
 }
 

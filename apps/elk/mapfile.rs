@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use elk_geometry::Voxel;
+use elk_map::agreement::agreement;
 use elk_map::octomap::graph::read_graph;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
 use elk_outside::file;
@@ -39,6 +40,21 @@ pub enum MapFileCommand {
     /// Say how much of a world's surfaces a map has, and how much of what the map has for surfaces is there
     #[command(after_help = "Example: elk mapfile score logs/apartment-20261123-224512/map.bt apartment")]
     Score(ScoreArgs),
+    /// Say how much of what one map knows another one has
+    #[command(after_help = "Example: elk mapfile diff logs/apartment-20261123-224512/map.bt apartment.elkmap")]
+    Diff(DiffArgs),
+}
+
+/// Which maps.
+#[derive(Debug, Args)]
+pub struct DiffArgs {
+    /// The one: .elkmap, .ot or .bt
+    one: PathBuf,
+    /// The other, of voxels of the same size
+    other: PathBuf,
+    /// How many voxels away, along each axis, what is known may lie in the other
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=10))]
+    within: u32,
 }
 
 /// What is held against what.
@@ -74,6 +90,7 @@ pub fn run(command: MapFileCommand) -> Result<ExitCode> {
         MapFileCommand::Info { file } => info(&file)?,
         MapFileCommand::Convert(arguments) => convert(&arguments)?,
         MapFileCommand::Score(arguments) => score(&arguments)?,
+        MapFileCommand::Diff(arguments) => diff(&arguments)?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -148,6 +165,31 @@ fn score(arguments: &ScoreArgs) -> Result<()> {
          {occupied} occupied voxels\n",
         path.display()
     ))
+}
+
+fn diff(arguments: &DiffArgs) -> Result<()> {
+    let DiffArgs { one, other, within } = arguments;
+    let maps = [one, other].map(|path| -> Result<OccupancyMap> {
+        let bytes = read(path)?;
+        map_of(path, &Saved::read(&bytes).with_context(|| format!("cannot read {}", path.display()))?)
+    });
+    let [of_one, of_other] = maps;
+    let maps = [of_one?, of_other?];
+    let [size, other_size] = [&maps[0], &maps[1]].map(|map| map.config().resolution);
+    if size != other_size {
+        bail!("{} has voxels of {size} m and {} of {other_size} m; right is the same", one.display(), other.display());
+    }
+    let mut text = String::new();
+    for (path, [own, against]) in [(one, [0, 1]), (other, [1, 0])] {
+        let agreement = agreement(&maps[own], maps[against].grid(), *within);
+        let [same, near] = agreement.shares().map(|share| share * 100.0);
+        text += &format!(
+            "{}: of {} known voxels {same:.2} % are the same in the other, {near:.2} % to {within} voxels\n",
+            path.display(),
+            agreement.known
+        );
+    }
+    say(&text)
 }
 
 /// The map in a file, or the one of the scans in it.

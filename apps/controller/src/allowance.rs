@@ -1,6 +1,6 @@
 //! What a person lets the robot do: all commands, or while it is paused one for each step.
 
-use elk_bus::Mail;
+use elk_bus::{Mail, Rejection};
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::messages::MotionMemory;
 
@@ -35,6 +35,19 @@ impl Allowance {
         if self.paused {
             self.steps = (self.steps + 1).min(MAX_COUNT);
         }
+    }
+
+    /// What a person says: `pause` or `run`.
+    ///
+    /// # Errors
+    /// It is another word.
+    pub fn obey(&mut self, word: &str) -> Result<(), Rejection> {
+        match word {
+            "pause" => self.paused = true,
+            "run" => self.run(),
+            _ => return Err(Rejection::new("it has to be the text pause or run")),
+        }
+        Ok(())
     }
 
     /// Runs on: steps that were not taken are forgotten.

@@ -17,22 +17,27 @@ use crate::allowance::Allowance;
 use crate::follower::{Action, Follower, Unfit};
 use crate::pace::Pace;
 
-/// The controllers that a mission file can name.
-pub static TYPES: &[AppType] = &[AppType {
+/// Its row in the table of controllers.
+pub(crate) const TYPE: AppType = AppType {
     element: "Controller",
     name: "MOOSSim",
     summary: "Moves a simulated camera along the explorer's paths, scanning on the way.",
     params: PARAMS,
     build: |params| Ok(Box::new(ControllerApp::new(params).on_the_bus())),
     preflight: None,
-}];
+};
 
 /// How often it is seen whether a robot that takes its time has arrived.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
+/// A parameter with a default.
+pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
 }
+
+/// Whether a person allows each command; of every controller.
+pub(crate) const MANUAL: ParamSpec =
+    param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause.");
 
 const PARAMS: &[ParamSpec] = &[
     param(
@@ -54,7 +59,7 @@ const PARAMS: &[ParamSpec] = &[
         "90",
         "How fast the robot turns, while it goes or on the spot, at Pace 1.",
     ),
-    param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause."),
+    MANUAL,
 ];
 
 /// The [`Follower`] on the bus.
@@ -86,7 +91,7 @@ impl ControllerApp {
     pub fn on_the_bus(self) -> Handled<Self> {
         let table = Handlers::<Self>::new()
             .recall(&MOTION_MEMORY, Self::succeed)
-            .on(text(MOTION), Self::on_motion)
+            .on(text(MOTION), |app, _, word: &str| app.allowance.obey(word))
             .on_with(number(STEP), Self::on_step)
             .on(&self.camera_pose, Self::on_camera_pose)
             .on(&MAP, Self::on_map)
@@ -156,15 +161,6 @@ impl ControllerApp {
         Ok(())
     }
 
-    fn on_motion(&mut self, _: &mut Comms, word: &str) -> Result<(), Rejection> {
-        match word {
-            "pause" => self.allowance.paused = true,
-            "run" => self.allowance.run(),
-            _ => return Err(Rejection::new("it has to be the text pause or run")),
-        }
-        Ok(())
-    }
-
     fn on_step(&mut self, _: &mut Comms, _: f64, mail: &Mail<'_>) -> Result<(), AppError> {
         self.allowance.step(mail);
         Ok(())
@@ -204,7 +200,7 @@ fn is_there(action: &Action, pace: &mut Pace, now: f64) -> bool {
     }
 }
 
-fn publish(comms: &mut Comms, action: &Action) -> Result<(), AppError> {
+pub(crate) fn publish(comms: &mut Comms, action: &Action) -> Result<(), AppError> {
     match action {
         Action::Command(command) => comms.publish(&POSE_COMMAND, command)?,
         Action::Request(request) => comms.publish(&PLAN_REQUEST, request)?,

@@ -6,7 +6,7 @@ use elk_bus::clock::Stopwatch;
 use elk_geometry::random::Random;
 use elk_geometry::{Bounds, Pose};
 use elk_mission::{
-    AppSpec, Mission, Override, Params, Program, Registry, element, instead, join_arguments, split_arguments,
+    AppSpec, Mission, Override, Params, Program, Registry, element, expanded, instead, join_arguments, split_arguments,
 };
 use elk_outside::checksum::fnv1a_of_file;
 use elk_spatial::messages::PoseCommand;
@@ -320,7 +320,7 @@ fn world_set(source: &Source, folder: &Path) -> Result<Option<Override>, String>
     let text = match BUILT_IN.contains(&said.as_str()) {
         true => said.clone(),
         false => {
-            let path = folder.join(expanded(said)?);
+            let path = folder.join(expanded(said).map_err(|error| error.to_string())?);
             let path = std::path::absolute(&path).map_err(|error| format!("{}: {error}", path.display()))?;
             if !path.is_file() {
                 return Err(format!("there is no world {}", path.display()));
@@ -329,16 +329,6 @@ fn world_set(source: &Source, folder: &Path) -> Result<Option<Override>, String>
         }
     };
     Ok(Some(Override { app: element::SENSOR.to_owned(), param: "World".to_owned(), text }))
-}
-
-/// A path that may begin with a variable of the environment: `$ELK_DATA/worlds/house.obj`.
-fn expanded(said: &str) -> Result<String, String> {
-    let Some(rest) = said.strip_prefix('$') else { return Ok(said.to_owned()) };
-    let (name, behind) = rest.split_once('/').map_or((rest, String::new()), |(name, path)| (name, format!("/{path}")));
-    match std::env::var(name) {
-        Ok(value) if !value.is_empty() => Ok(value + &behind),
-        _ => Err(format!("{said}: the variable {name} is not set; set it to the folder that the world lies in")),
-    }
 }
 
 /// The random stream of a world's starts: by its name, so that another world beside it changes nothing.

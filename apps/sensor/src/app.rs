@@ -3,38 +3,40 @@
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handled, Handlers, Key, Mail, Rejection, Subscribe, tell};
 use elk_geometry::{OccupancyGrid, Pose};
-use elk_mission::{Kind, ParamSpec, Params};
+use elk_mission::Params;
 use elk_spatial::Scan;
 use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_REVISIONS_AHEAD};
 use elk_spatial::keyframe::{Keyframe, MapPart, Step};
-use elk_spatial::keys::{ACCURACY_REPORT, MAP, MAP_PART, MOTION_REPORT, POSE_COMMAND, SENSOR_REPORT, camera_pose};
+use elk_spatial::keys::{
+    ACCURACY_REPORT, MAP, MAP_PART, MOTION_REPORT, PLAYBACK, POSE_COMMAND, POSE_ESTIMATE, SENSOR_REPORT, camera_pose,
+};
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{AccuracyReport, CameraPose, MotionReport, PoseCommand, SensorReport};
 use nalgebra::Isometry3;
 
+use crate::recording::{Advance, Player};
 use crate::robot::{Robot, ScanError};
 use crate::source::{Accuracy, DepthSource};
 
-/// A parameter with a default.
-pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
-    ParamSpec { name, kind, default: Some(default), doc }
-}
-
-/// The parameters that all sensors have.
-pub const COMMON: &[ParamSpec] = &[
-    param("Output", Kind::Variable, "SCAN", "Variable under which scans are published."),
-    param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published."),
-    param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
-];
+/// Frames that were passed over are said one by one, up to so many.
+const SAID: u64 = 20;
 
 /// A sensor of any source, with the parameters that all share.
 ///
 /// # Errors
 /// Its robot cannot be where the source says that it starts.
 pub fn app(params: &Params, source: Box<dyn DepthSource>) -> Result<Box<dyn App>, AppError> {
-    let robot = Robot::new(source).map_err(|refusal| format!("start: {refusal}"))?;
+    Ok(on_the_bus(params, Robot::new(source).map_err(|refusal| format!("start: {refusal}"))?))
+}
+
+/// The sensor of a recording, with the parameters that all share.
+pub fn recorded(params: &Params, player: Player) -> Box<dyn App> {
+    on_the_bus(params, Robot::carried(player))
+}
+
+fn on_the_bus(params: &Params, robot: Robot) -> Box<dyn App> {
     let keys = (Key::named(params.text("Output")), camera_pose(params.text("MOOSPoseVarName")));
-    Ok(Box::new(SensorApp::new(robot, keys).on_the_bus()))
+    Box::new(SensorApp::new(robot, keys).on_the_bus())
 }
 
 /// A [`Robot`] on the bus.
@@ -54,6 +56,8 @@ struct SensorApp {
     is_over: bool,
     /// What has come of the whole map.
     coming: Option<Keyframe>,
+    /// Frames of a recording that were passed over.
+    passed_over: u64,
 }
 
 /// What is known of a predecessor.
@@ -77,6 +81,7 @@ impl SensorApp {
             evaluated: None,
             is_over: false,
             coming: None,
+            passed_over: 0,
         }
     }
 
@@ -134,7 +139,8 @@ impl SensorApp {
         // Scans and commands go together: what is far from all else that was left is not of this run.
         let others = report.as_ref().map_or(scan, |report| report.scans.max(scan));
         let Some(pose) = pose.filter(|pose| pose.command <= others + MAX_REVISIONS_AHEAD) else {
-            return self.publish_pose(comms);
+            self.publish_pose(comms)?;
+            return self.publish_playback(comms);
         };
         let report = report.filter(|report| report.scans <= scan.max(pose.command) + MAX_REVISIONS_AHEAD);
         let (scans, contacts, cpu_secs) =
@@ -150,6 +156,7 @@ impl SensorApp {
         }
         self.inherited = true;
         self.cpu_secs = cpu_secs;
+        self.publish_playback(comms)?;
         match scan < scans {
             true => {
                 let scan = self.robot.scan(comms.time());
@@ -179,16 +186,40 @@ impl SensorApp {
         }
         self.inherited = false;
         let before = thread_cpu_secs();
-        let travel = self.robot.go(&command);
-        let scan = self.robot.scan(comms.time());
+        let taken = self.robot.scans();
+        let (travel, advance) = self.robot.go(&command);
+        // A recording that is over has none.
+        let scan = (self.robot.scans() > taken).then(|| self.robot.scan(comms.time()));
         self.cpu_secs += thread_cpu_secs() - before;
+        self.say_passed_over(comms.name(), &advance);
         if let Some(refusal) = travel.refused {
             tell(format_args!("pose command {} refused, the robot stays: {refusal}", command.id));
         }
         // A successor finds the two together, and then knows by the last scan whether this one came to be published.
         self.publish_pose(comms)?;
         comms.publish(&SENSOR_REPORT, &self.report())?;
-        self.publish(comms, scan)
+        advance.estimates.iter().try_for_each(|estimate| comms.publish(&POSE_ESTIMATE, estimate))?;
+        self.publish_playback(comms)?;
+        scan.map_or(Ok(()), |scan| self.publish(comms, scan))
+    }
+
+    /// How far a recording is.
+    fn publish_playback(&self, comms: &mut Comms) -> Result<(), AppError> {
+        let playback = self.robot.playback();
+        playback.iter().try_for_each(|playback| Ok(comms.publish(&PLAYBACK, playback)?))
+    }
+
+    fn say_passed_over(&mut self, name: &str, advance: &Advance) {
+        for frame in &advance.passed_over {
+            self.passed_over += 1;
+            match self.passed_over {
+                0..SAID => tell(format_args!("{name}: {frame}; it is passed over")),
+                SAID => {
+                    tell(format_args!("{name}: {frame}; it is passed over, and so will be others, which are counted"))
+                }
+                _ => {}
+            }
+        }
     }
 
     /// Without a scan the app ends; that the robot has moved is out by then.

@@ -3,7 +3,8 @@
 //! [`source`] is the seam: whatever answers "a scan from this pose" is a sensor. [`robot`] carries it where it is sent, and
 //! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
 //! camera in a [`World`](elk_world::World), which is what is truly there, and [`simulated_stereo`] two cameras in one, whose
-//! pictures are matched; [`surroundings`] is what both have in common. [`stereo_pair`] is one pair of a real stereo camera,
+//! pictures are matched; [`surroundings`] is what both have in common. A [`recording`] decides itself where its sensor was:
+//! [`rgbd`] is one of a depth camera, [`laser2d`] one of a laser. [`stereo_pair`] is one pair of a real stereo camera,
 //! [`matching`] how pairs are matched.
 //!
 //! # A sensor of one's own
@@ -21,8 +22,12 @@ pub const EXAMPLE: &str = include_str!("../examples/hall.rs");
 
 pub mod app;
 pub mod camera;
+pub mod laser2d;
 pub mod matching;
+mod parameters;
 pub mod program;
+pub mod recording;
+pub mod rgbd;
 pub mod robot;
 pub mod simulated_stereo;
 pub mod simulator;
@@ -37,6 +42,7 @@ pub use elk_geometry::{OccupancyGrid, Pose};
 pub use elk_mission::{Kind, ParamSpec, Params};
 pub use elk_spatial::{CameraInfo, Points};
 pub use nalgebra;
+pub use parameters::{COMMON, RECORDED};
 pub use program::main;
 pub use robot::{Robot, ScanError};
 pub use source::{Accuracy, Capture, DepthSource, Obstruction, Seen, Travel, Truth};

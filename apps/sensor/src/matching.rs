@@ -3,7 +3,7 @@
 use elk_mission::{Kind, ParamSpec, Params};
 use elk_stereo::{Checks, ConfigError, Matcher, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
 
-use crate::app::param;
+use crate::parameters::param;
 
 /// Neighbours of a blank wall differ by 1.13 times the noise's standard deviation in the mean; windows in which it is less than
 /// this many times it are such.

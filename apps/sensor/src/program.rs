@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use elk_bus::AppError;
 use elk_mission::{OutsideApp, ParamSpec, Params, element};
 
-use crate::app::{COMMON, app};
+use crate::app::app;
+use crate::parameters::COMMON;
 use crate::source::DepthSource;
 use crate::types::TYPES;
 

@@ -4,8 +4,10 @@ use elk_bus::{AppError, Describe};
 use elk_geometry::Pose;
 use elk_spatial::Scan;
 use elk_spatial::messages::{CameraPose, PoseCommand};
+use elk_spatial::playback::Playback;
 use nalgebra::Point3;
 
+use crate::recording::{Advance, Player};
 use crate::source::{Capture, DepthSource, Obstruction, Seen, Travel, Truth};
 
 /// There is no scan.
@@ -20,9 +22,17 @@ pub struct ScanError {
     pub source: AppError,
 }
 
+/// What moves it.
+enum Carrier {
+    /// Pose commands.
+    Commanded(Box<dyn DepthSource>),
+    /// Whoever carried the sensor when it was recorded.
+    Recorded(Box<Player>),
+}
+
 /// The robot.
 pub struct Robot {
-    source: Box<dyn DepthSource>,
+    carrier: Carrier,
     pose: Pose,
     command: u64,
     scans: u64,
@@ -35,9 +45,15 @@ impl Robot {
     /// # Errors
     /// It cannot be there, as far as the source knows the true world.
     pub fn new(source: Box<dyn DepthSource>) -> Result<Self, Obstruction> {
-        let robot = Self { pose: source.start(), source, command: 0, scans: 0, contacts: 0 };
+        let pose = source.start();
+        let robot = Self { pose, carrier: Carrier::Commanded(source), command: 0, scans: 0, contacts: 0 };
         robot.free(&robot.pose)?;
         Ok(robot)
+    }
+
+    /// A robot that goes where a recording goes: each command takes the next scan.
+    pub fn carried(player: Player) -> Self {
+        Self { pose: player.pose(), carrier: Carrier::Recorded(Box::new(player)), command: 0, scans: 0, contacts: 0 }
     }
 
     /// Its pose (world).
@@ -57,17 +73,31 @@ impl Robot {
 
     /// Motions on which the body touched the world; `None`: nobody can tell.
     pub fn contacts(&self) -> Option<u64> {
-        self.source.truth().map(|_| self.contacts)
+        self.truth().map(|_| self.contacts)
     }
 
     /// The true world, if it is known.
     pub fn truth(&self) -> Option<&dyn Truth> {
-        self.source.truth()
+        match &self.carrier {
+            Carrier::Commanded(source) => source.truth(),
+            Carrier::Recorded(_) => None,
+        }
+    }
+
+    /// How far a recording is; none: it is none.
+    pub fn playback(&self) -> Option<Playback> {
+        match &self.carrier {
+            Carrier::Commanded(_) => None,
+            Carrier::Recorded(player) => Some(player.playback(self.command)),
+        }
     }
 
     /// What whoever looks at the scans should know.
     pub fn remarks(&self) -> Vec<String> {
-        self.source.remarks()
+        match &self.carrier {
+            Carrier::Commanded(source) => source.remarks(),
+            Carrier::Recorded(_) => Vec::new(),
+        }
     }
 
     /// Goes on where another robot stopped: at `at`, after so many scans and contacts.
@@ -77,23 +107,34 @@ impl Robot {
     pub fn succeed(&mut self, at: &CameraPose, scans: u64, contacts: u64) -> Result<(), Obstruction> {
         self.free(&at.pose)?;
         (self.pose, self.command, self.scans, self.contacts) = (at.pose, at.command, scans, contacts);
+        if let Carrier::Recorded(player) = &mut self.carrier {
+            // What a recording was at that scan it knows itself.
+            player.seek(scans);
+            (self.pose, self.scans) = (player.pose(), player.scans());
+        }
         Ok(())
     }
 
     /// Goes to the commanded pose, by way of the positions before it, or stays where it is, if that cannot be done. A scan is
-    /// due then, in either case. The command is one that passes its check ([`elk_bus::Describe::check`]): all of it finite.
-    pub fn go(&mut self, command: &PoseCommand) -> Travel {
+    /// due then, in either case. Or goes where the recording was next, if it is not over: then a scan is due, and there is
+    /// something to be said. The command is one that passes its check ([`elk_bus::Describe::check`]): all of it finite.
+    pub fn go(&mut self, command: &PoseCommand) -> (Travel, Advance) {
+        self.command = command.id;
+        if let Carrier::Recorded(player) = &mut self.carrier {
+            let advance = player.advance();
+            (self.pose, self.scans) = (player.pose(), player.scans());
+            return (Travel::default(), advance);
+        }
         let ends = [self.pose.position(), command.pose.position()];
         let way: Vec<Point3<f64>> =
             std::iter::once(ends[0]).chain(command.via.iter().copied()).chain(std::iter::once(ends[1])).collect();
-        let travel = self.source.truth().map(|truth| truth.travel(&way, &command.pose)).unwrap_or_default();
+        let travel = self.truth().map(|truth| truth.travel(&way, &command.pose)).unwrap_or_default();
         if travel.refused.is_none() {
             self.pose = command.pose;
         }
-        self.command = command.id;
         self.contacts += u64::from(travel.contact);
         self.scans += 1;
-        travel
+        (travel, Advance::default())
     }
 
     /// Takes the scan that is due, or the last one again.
@@ -106,15 +147,18 @@ impl Robot {
     }
 
     fn capture(&mut self, capture: &Capture) -> Result<Scan<'static>, AppError> {
-        let Seen { points, no_return } = self.source.scan(capture)?;
+        let (camera, Seen { points, no_return }) = match &mut self.carrier {
+            Carrier::Commanded(source) => (source.camera(), source.scan(capture)?),
+            Carrier::Recorded(player) => (player.camera(), player.seen().cloned().unwrap_or_default()),
+        };
         let scan = Scan::new(capture.scan, self.command, capture.pose, points);
-        let scan = Scan { camera: self.source.camera(), no_return, ..scan };
+        let scan = Scan { camera, no_return, ..scan };
         scan.check()?;
         Ok(scan)
     }
 
     fn free(&self, pose: &Pose) -> Result<(), Obstruction> {
-        self.source.truth().map_or(Ok(()), |truth| truth.free(pose))
+        self.truth().map_or(Ok(()), |truth| truth.free(pose))
     }
 }
 
@@ -145,7 +189,7 @@ mod tests {
         let mut robot = Robot::new(Box::new(Flaky)).unwrap();
         let pose = |x| Pose::from_yaw_pitch(Point3::new(x, 0.0, 1.0), 0.0, 0.0);
         for id in 1..=2 {
-            assert_eq!(robot.go(&PoseCommand { id, via: vec![], pose: pose(id as f64) }), Travel::default());
+            assert_eq!(robot.go(&PoseCommand { id, via: vec![], pose: pose(id as f64) }).0, Travel::default());
             let scan = robot.scan(0.0).unwrap();
             assert_eq!((scan.id, scan.command, scan.pose, scan.camera.columns), (id, id, pose(id as f64), 1));
         }

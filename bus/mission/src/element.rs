@@ -6,7 +6,7 @@ pub const SENSOR: &str = "Sensor";
 pub const FILTER: &str = "Filter";
 /// What is known of the world.
 pub const MAP: &str = "Map";
-/// Where to go next.
+/// Where to go next. A recording goes where it went, and a mission that plays one has none.
 pub const EXPLORER: &str = "Explorer";
 /// How to get there.
 pub const CONTROLLER: &str = "Controller";
@@ -49,7 +49,7 @@ pub static ELEMENTS: [Element; 7] = [
     row(SENSOR, Count::One, 4),
     row(FILTER, Count::Any, 3),
     row(MAP, Count::One, 2),
-    row(EXPLORER, Count::One, 1),
+    row(EXPLORER, Count::AtMostOne, 1),
     row(CONTROLLER, Count::One, 0),
     Element { start_rank: 0, supposed: true, ..row(LOGGER, Count::AtMostOne, 6) },
     Element { may_finish: true, ..row(APP, Count::Any, 5) },

@@ -50,7 +50,7 @@ pub enum Kind {
     Text,
     /// The name of a variable of the community.
     Variable,
-    /// A file to read, relative to the mission file. A name in `builtin` stands for itself.
+    /// A file to read, relative to the mission file, or below a variable of the environment: `$ELK_DATA/house.obj`. A name in `builtin` stands for itself.
     File {
         /// Names that are no files but built into the program.
         builtin: &'static [&'static str],

@@ -64,7 +64,7 @@ pub use problem::{Location, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};
 pub use spec::{AppSpec, AppType, Mission, Mode, Preflight, PreflightReport, Program};
-pub use value::ValueError;
+pub use value::{ValueError, expanded};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

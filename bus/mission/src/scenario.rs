@@ -25,6 +25,11 @@ const MOST_NODES: u32 = 100_000;
 /// Names on the bus that no app can have: the broker's own, and the launcher's.
 const RESERVED: [&str; 2] = ["db", "launcher"];
 
+/// A sensor that has it plays a recording.
+const RECORDING: &str = "Recording";
+/// A controller that has it plays recordings.
+const RATE: &str = "Rate";
+
 /// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
 pub(crate) fn check(
     text: &str,
@@ -169,6 +174,9 @@ fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
     for element::Element { name: element, count, .. } in ELEMENTS {
         let mut of_element = drafts.iter().filter(|draft| draft.element == element);
         let first = of_element.next();
+        if element == element::EXPLORER {
+            played_or_explored(drafts, scenario, problems);
+        }
         if first.is_none() && count == Count::One {
             problems.add(scenario, format!("the Scenario has no <{element}>; right is one"));
         }
@@ -177,6 +185,31 @@ fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
                 problems.add(&more.at, format!("a second <{element}>; one is right"));
             }
         }
+    }
+}
+
+/// A recording goes where it went: it is played, by a controller that plays, and nobody explores. Any other sensor is sent where an
+/// explorer says.
+fn played_or_explored(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
+    let of = |element: &str| drafts.iter().find(|draft| draft.element == element);
+    let (sensor, explorer, controller) =
+        (of(element::SENSOR), of(element::EXPLORER), of(element::CONTROLLER).filter(|one| one.is_builtin()));
+    let plays = |controller: &Draft| controller.spec(RATE).is_some();
+    if sensor.is_some_and(|sensor| sensor.spec(RECORDING).is_some()) {
+        let goes = "the Sensor is a recording, which goes where it went";
+        if let Some(explorer) = explorer {
+            problems.add(&explorer.at, format!("{goes}; right is no <{}>", element::EXPLORER));
+        }
+        if let Some(controller) = controller.filter(|controller| !plays(controller)) {
+            problems.add(&controller.at, format!("{goes}; right is a <Controller type=\"Playback\">"));
+        }
+        return;
+    }
+    if let (Some(controller), Some(_)) = (controller.filter(|controller| plays(controller)), sensor) {
+        let right = "the Sensor is no recording that this Controller could play; right is one with a parameter";
+        problems.add(&controller.at, format!("{right} {RECORDING}, or another Controller"));
+    } else if explorer.is_none() {
+        problems.add(scenario, format!("the Scenario has no <{}>; right is one", element::EXPLORER));
     }
 }
 

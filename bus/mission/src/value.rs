@@ -185,10 +185,10 @@ fn variable(text: &str, kind: &Kind) -> Result<ParamValue, ValueError> {
 }
 
 fn file(text: &str, builtin: &[&str], at_once: bool, folder: &Path) -> Result<ParamValue, ValueError> {
-    let path = folder.join(text);
     if builtin.contains(&text) {
         return Ok(ParamValue::Text(text.to_owned()));
     }
+    let path = folder.join(expanded(text)?);
     match !at_once || path.is_file() {
         true => Ok(ParamValue::Text(path.to_string_lossy().into_owned())),
         false if path.is_dir() => {
@@ -197,6 +197,26 @@ fn file(text: &str, builtin: &[&str], at_once: bool, folder: &Path) -> Result<Pa
         false => Err(ValueError {
             found: format!("there is no file {}", path.display()),
             right: instead_of_file(text, builtin, &path),
+        }),
+    }
+}
+
+/// A path that may begin with a variable of the environment, as `$ELK_DATA/worlds/house.obj` does; its value is taken from the working
+/// directory.
+///
+/// # Errors
+/// There is no such variable.
+pub fn expanded(said: &str) -> Result<String, ValueError> {
+    let Some(rest) = said.strip_prefix('$') else { return Ok(said.to_owned()) };
+    let (name, behind) = rest.split_once('/').map_or((rest, String::new()), |(name, path)| (name, format!("/{path}")));
+    match std::env::var(name) {
+        Ok(value) if !value.is_empty() => {
+            let folder = std::path::absolute(&value).unwrap_or_else(|_| value.into());
+            Ok(folder.to_string_lossy().into_owned() + &behind)
+        }
+        _ => Err(ValueError {
+            found: format!("{said}: the variable {name} is not set"),
+            right: format!("right is the folder in it that has {}", behind.trim_start_matches('/')),
         }),
     }
 }

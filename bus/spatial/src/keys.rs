@@ -9,6 +9,7 @@ use crate::messages::{
     AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, ExplorerPast, MapMemory, MapStatus, MotionMemory,
     MotionReport, Plan, PlanRequest, PoseCommand, Progress, SensorReport,
 };
+use crate::playback::{Playback, PoseEstimate};
 use crate::scan::Scan;
 
 /// Makes a key of each row, of the variable of the same name, and a table of what they carry.
@@ -66,6 +67,10 @@ typed! {
     EXPLORATION_REPORT: ExplorationReport;
     /// Sensor to anyone: scans and contacts.
     SENSOR_REPORT: SensorReport;
+    /// Sensor of a recording to anyone: how far it is.
+    PLAYBACK: Playback;
+    /// Sensor that estimates its poses to anyone: where it is, how well that is known, or why nobody knows.
+    POSE_ESTIMATE: PoseEstimate;
     /// Sensor to anyone, at the end: the whole map against the true world.
     ACCURACY_REPORT: AccuracyReport;
 }

@@ -11,6 +11,7 @@ pub mod keyframe;
 pub mod keys;
 pub mod map;
 pub mod messages;
+pub mod playback;
 pub mod replica;
 #[cfg(any(test, feature = "samples"))]
 pub mod samples;

@@ -10,7 +10,7 @@ use nalgebra::Point3;
 use crate::camera::CameraInfo;
 use crate::checks;
 
-/// Controller to sensor: go there and take a scan.
+/// Controller to sensor: go there and take a scan. A sensor of a recording cannot go: for it, it is the word to take the next one.
 #[payload]
 #[describe(drawn = "pose")]
 #[derive(Debug, Clone, PartialEq)]

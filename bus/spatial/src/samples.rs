@@ -11,6 +11,7 @@ use crate::messages::{
     AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, ExplorerPast, MapMemory, MapStatus, MotionMemory,
     MotionReport, Plan, PlanRequest, PoseCommand, Progress, SensorReport,
 };
+use crate::playback::{Playback, PoseEstimate};
 use crate::scan::Scan;
 
 /// A value of a type.
@@ -96,6 +97,12 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"explorer":"Potential","policy":"elk","settings":"clearance 0.1 m","complete":true,"reason":"nothing is left","frontiers_left":{"unreachable":0,"invisible":1,"unresolved":0,"no_return":0,"too_small":2,"open":0,"map_edge":0,"no_room":0,"volume_edge":0},"plans":9,"counters":[["stalls",0]],"cpu_secs":[["solve",0.5]]}"#,
     ),
     Sample::of::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
+    Sample::of::<Playback>(
+        r#"{"command":1,"frames":3,"scans":1,"bad":1,"lost":1,"path_length_m":2.5,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"next_secs":0.1,"off_m":0.01}"#,
+    ),
+    Sample::of::<PoseEstimate>(
+        r#"{"scan":1,"frame":"frame-000002.depth.png","secs":0.1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"recorded":null,"covariance":[0.0001,0.0,0.0,0.0,0.0001,0.0,0.0,0.0,0.0001],"overlap":0.9,"lost":""}"#,
+    ),
     Sample::of::<AccuracyReport>(r#"{"revision":9,"accuracy":0.99,"voxels":1000}"#),
     Sample::of::<Candidates>(
         r#"{"request":1,"revision":1,"from":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"weighed":1,"goals":[{"position":[1.5,2.0,0.5],"target":{"x":17,"y":20,"z":5},"score":0.5,"chosen":true}]}"#,

@@ -8,10 +8,11 @@ use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload, text};
 use elk_mission::variables::LOGGER_ERROR;
 use elk_mission::{Mission, element};
 use elk_spatial::keys::{
-    ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND,
-    PROGRESS, SCAN, SENSOR_REPORT,
+    ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, PLAYBACK,
+    POSE_COMMAND, PROGRESS, SCAN, SENSOR_REPORT,
 };
 use elk_spatial::messages::{AccuracyReport, ExplorationReport, MapStatus, MotionReport, Progress, SensorReport};
+use elk_spatial::playback::Playback;
 
 use crate::reports::steps::StepTimes;
 
@@ -85,6 +86,8 @@ pub(crate) struct Observer {
     pub sensor: Option<SensorReport>,
     pub exploration: Option<ExplorationReport>,
     pub motion: Option<MotionReport>,
+    /// How far a recording is played.
+    pub playback: Option<Playback>,
     pub accuracy: Option<AccuracyReport>,
     pub steps: StepTimes,
     /// Which message of a step came last, and whose it was.
@@ -128,6 +131,7 @@ impl Observer {
         comms.register(&SENSOR_REPORT)?;
         comms.register(&EXPLORATION_REPORT)?;
         comms.register(&MOTION_REPORT)?;
+        comms.register(&PLAYBACK)?;
         comms.register(&ACCURACY_REPORT)
     }
 
@@ -190,6 +194,7 @@ impl Observer {
         keep(mail, &SENSOR_REPORT, &mut self.sensor)?;
         keep(mail, &EXPLORATION_REPORT, &mut self.exploration)?;
         keep(mail, &MOTION_REPORT, &mut self.motion)?;
+        keep(mail, &PLAYBACK, &mut self.playback)?;
         keep(mail, &ACCURACY_REPORT, &mut self.accuracy)
     }
 
@@ -213,9 +218,14 @@ impl Observer {
         }
     }
 
-    /// Whether exploration is over, for whatever reason.
+    /// Whether exploration is over, for whatever reason, or the recording played to its end.
     pub fn finished(&self) -> bool {
-        self.exploration.is_some() && self.motion.is_some()
+        self.motion.is_some() && (self.exploration.is_some() || self.played().is_some())
+    }
+
+    /// What came of a recording that is played to its end.
+    pub fn played(&self) -> Option<&Playback> {
+        self.playback.as_ref().filter(|playback| playback.next_secs.is_none())
     }
 
     /// Whether the map as it is now has been held against the true world, or nobody knows that.
@@ -248,13 +258,14 @@ impl Observer {
 }
 
 /// Whose reports sum a mission up, by the element of its apps.
-fn reports() -> [(String, &'static str); 6] {
+fn reports() -> [(String, &'static str); 7] {
     [
         (PROGRESS.name(), element::CONTROLLER),
         (MOTION_REPORT.name(), element::CONTROLLER),
         (EXPLORATION_REPORT.name(), element::EXPLORER),
         (MAP_KNOWN.name(), element::MAP),
         (SENSOR_REPORT.name(), element::SENSOR),
+        (PLAYBACK.name(), element::SENSOR),
         (ACCURACY_REPORT.name(), element::SENSOR),
     ]
     .map(|(key, element)| (key.to_owned(), element))

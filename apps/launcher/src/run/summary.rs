@@ -7,6 +7,7 @@ use std::path::Path;
 use elk_mission::{AppSpec, Mission, element};
 use elk_outside::file;
 use elk_spatial::messages::{CoverageMark, FrontiersLeft};
+use elk_spatial::playback::Playback;
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
@@ -50,6 +51,8 @@ pub struct Summary {
     pub complete: bool,
     /// Why the run ended.
     pub reason: String,
+    /// Of a recording: how far scans lie off the recorded positions, root mean square (m), where poses are estimated.
+    pub position_error_m: Option<f64>,
     /// Scans taken.
     pub scans: u64,
     /// Length of the way (m).
@@ -105,6 +108,7 @@ impl Summary {
             seed: seed(mission),
             complete,
             reason,
+            position_error_m: observed.playback.as_ref().and_then(|playback| playback.off_m),
             scans,
             path_length_m,
             frontiers_left: report.map(|report| report.frontiers_left),
@@ -146,6 +150,9 @@ pub(crate) fn swapped(folder: &Path) -> Vec<String> {
 
 /// Whether the mission is complete, and why it ended.
 fn completeness(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+    if let Some(played) = observed.played() {
+        return played_through(mission, observed, played, ended);
+    }
     let Some(report) = &observed.exploration else {
         let silent = || "the explorer did not say why it ended".to_owned();
         return (false, ended.map_or_else(silent, LaunchError::to_string));
@@ -157,6 +164,30 @@ fn completeness(mission: &Mission, observed: &Observer, ended: Option<&LaunchErr
         (None, None) => (report.complete, reason.clone()),
         (None, Some(objection)) if report.complete => (false, format!("{reason}, but {objection}")),
         (None, Some(objection)) => (false, format!("{reason}: {objection}")),
+    }
+}
+
+/// Whether a recording that was played to its end made a map, and what of it could not be used.
+fn played_through(
+    mission: &Mission,
+    observed: &Observer,
+    played: &Playback,
+    ended: Option<&LaunchError>,
+) -> (bool, String) {
+    let Playback { frames, scans, bad, lost, .. } = *played;
+    let counted = [(bad, "could not be used"), (lost, "with the sensor lost")];
+    let mut reason = format!("the recording is played to its end, {scans} scans of {frames} frames");
+    for (count, what) in counted.into_iter().filter(|(count, _)| *count > 0) {
+        reason += &format!(", {count} {what}");
+    }
+    if bad + lost > 0 {
+        reason += ", as the Sensor's log says of each";
+    }
+    let against = ended.map(LaunchError::to_string).or_else(|| objection(mission, observed, true));
+    match against {
+        Some(against) => (false, format!("{reason}, but {against}")),
+        None if scans == 0 => (false, format!("{reason}: none could be used")),
+        None => (true, reason),
     }
 }
 
@@ -203,7 +234,11 @@ impl fmt::Display for Summary {
         }
         let Self { scans, path_length_m: length, seconds, explorer, .. } = self;
         let policy = self.policy.as_ref().map(|policy| format!(", policy {policy}")).unwrap_or_default();
-        writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {explorer}{policy}")?;
+        let explorer = if explorer.is_empty() { String::new() } else { format!(", explorer {explorer}") };
+        writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s{explorer}{policy}")?;
+        if let Some(off) = self.position_error_m {
+            writeln!(f, "  positions are {off:.4} m off the recorded ones (root mean square, begun alike)")?;
+        }
         if let Some(settings) = &self.settings {
             writeln!(f, "  {settings}")?;
         }

@@ -15,7 +15,8 @@ pub use texture::{Look, Texture};
 
 use elk_mission::{AppType, ParamSpec, joined};
 
-use crate::app::{COMMON, app};
+use crate::app::app;
+use crate::parameters::COMMON;
 use crate::{matching, surroundings};
 
 const OWN: [ParamSpec; parameters::PARAMS.len() + matching::PARAMS.len()] =

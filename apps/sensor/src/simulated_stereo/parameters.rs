@@ -7,8 +7,8 @@ use elk_stereo::Matcher;
 use super::eyes::Eyes;
 use super::source::{Settings, SimulatedStereo};
 use super::texture::Look;
-use crate::app::param;
 use crate::matching::matcher;
+use crate::parameters::param;
 use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
 const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };

@@ -9,7 +9,8 @@ pub use source::{Settings, Simulator};
 
 use elk_mission::{AppType, joined};
 
-use crate::app::{COMMON, app};
+use crate::app::app;
+use crate::parameters::COMMON;
 use crate::surroundings;
 
 const PARAMS: [elk_mission::ParamSpec; parameters::PARAMS.len() + surroundings::PARAMS.len()] =

@@ -5,7 +5,7 @@ use elk_mission::{Kind, ParamSpec, Params};
 
 use super::noise::StereoNoise;
 use super::source::{Settings, Simulator};
-use crate::app::param;
+use crate::parameters::param;
 use crate::surroundings::{FOV, body, camera, check_pixels, range, seed};
 
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };

@@ -10,8 +10,8 @@ use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
 use nalgebra::Point3;
 
 use super::body::{Body, random_start};
-use crate::app::param;
 use crate::camera::Camera;
+use crate::parameters::param;
 use crate::source::Truth;
 
 /// What a mission file can say of world and body.

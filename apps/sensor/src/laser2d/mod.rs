@@ -1,0 +1,64 @@
+//! A recorded laser scanner that stays level: a log as CARMEN writes it, plain or compressed by gzip.
+
+mod source;
+
+pub use source::{Laser2d, LogError, Settings};
+
+use elk_bus::AppError;
+use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
+
+use crate::app::recorded;
+use crate::parameters::{ICP, RECORDED, frames, param};
+use crate::recording::{IcpSettings, Player, PoseEstimator};
+
+const PARAMS: &[ParamSpec] = &[
+    ParamSpec {
+        name: "Recording",
+        kind: Kind::File { builtin: &[], at_once: false },
+        default: None,
+        doc: "The log, of CARMEN: its FLASER lines are frames, its ODOM lines odometry, from whose motion ICP begins; .gz or not.",
+    },
+    param(
+        "Range",
+        Kind::Number { unit: "m", min: 0.1, max: 1000.0 },
+        "30",
+        "How far the laser sees: a beam that reads as much or more has no return.",
+    ),
+    param(
+        "Height",
+        Kind::Number { unit: "m", min: -1000.0, max: 1000.0 },
+        "0",
+        "Where the laser's plane is, along world z.",
+    ),
+    param(
+        "IcpVoxel",
+        Kind::Number { unit: "m", min: 0.005, max: 10.0 },
+        "0.1",
+        "Edge of the voxels by which ICP puts points together.",
+    ),
+];
+
+/// Its row in the table of sensors.
+pub const TYPE: AppType = AppType {
+    element: "Sensor",
+    name: "Laser2D",
+    summary: "A recorded 2-D laser: a CARMEN log with the poses that it says, or with poses estimated from its scans.",
+    params: &joined::<{ PARAMS.len() + RECORDED.len() }>(PARAMS, RECORDED),
+    build: |params| Ok(recorded(params, player(params)?)),
+    preflight: None,
+};
+
+fn player(params: &Params) -> Result<Player, AppError> {
+    let settings = Settings {
+        range: params.number("Range") as f32,
+        height: params.number("Height"),
+        frame_rate: params.number("FrameRate"),
+    };
+    let icp = IcpSettings { voxel: params.number("IcpVoxel"), step: 0.3, turn: 0.3, window: 30 };
+    let estimator = match params.text("PoseEstimator") {
+        ICP => PoseEstimator::plane(&icp, settings.height)?,
+        _ => PoseEstimator::Recorded,
+    };
+    let log = Laser2d::open(params.text("Recording").as_ref(), settings)?;
+    Ok(Player::new(Box::new(log), estimator, frames(params)))
+}

@@ -1,0 +1,240 @@
+//! What lies in a recording's folder.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use elk_geometry::Pose;
+use elk_outside::file;
+
+use super::pose::{of_line, of_matrix};
+
+/// The longest list of a folder that is read (bytes).
+const LONGEST_LIST: u64 = 1 << 28;
+/// The longest file of one pose that is read (bytes).
+const LONGEST_POSE: u64 = 1 << 14;
+/// An image's pose is the nearest in time, up to so far away (s), as the TUM benchmark's own tools have it.
+const APART_SECS: f64 = 0.02;
+
+const DEPTH: &str = ".depth.png";
+const POSE: &str = ".pose.txt";
+
+/// Why a folder is no recording.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// It is not there.
+    #[error(
+        "there is no folder {} ({why}): where the recorded data lie elsewhere, ELK_DATA or Sensor.Recording has to name it; \
+         {RIGHT}", .folder.display()
+    )]
+    Missing {
+        /// The folder.
+        folder: PathBuf,
+        /// What the operating system says.
+        why: std::io::Error,
+    },
+    /// There are no frames in it.
+    #[error("{}: there is neither a depth.txt nor a frame-….depth.png in it; {RIGHT}", .0.display())]
+    Empty(PathBuf),
+    /// A list in it cannot be read.
+    #[error("{}: {why}; {RIGHT}", .list.display())]
+    List {
+        /// The list.
+        list: PathBuf,
+        /// Why not.
+        why: String,
+    },
+    /// None of its images can be used.
+    #[error("none of the {frames} depth images in {} can be used; {first}", .folder.display())]
+    Unusable {
+        /// The folder.
+        folder: PathBuf,
+        /// Images that were tried.
+        frames: usize,
+        /// What is wrong with the first.
+        first: String,
+    },
+}
+
+const RIGHT: &str = "right is a folder of frame-000000.depth.png with frame-000000.pose.txt (7-Scenes), or of depth.txt with groundtruth.txt (TUM)";
+
+/// A frame that a folder speaks of.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Listed {
+    /// What people call it.
+    pub name: String,
+    /// Its depths, or why there are none.
+    pub depths: Result<PathBuf, String>,
+    /// Its time (s), where it is recorded.
+    pub secs: Option<f64>,
+    pose: Posed,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Posed {
+    In(PathBuf),
+    Known(Result<Pose, String>),
+}
+
+impl Listed {
+    /// Where it was taken, or why that is not known.
+    pub fn pose(&self) -> Result<Pose, String> {
+        match &self.pose {
+            Posed::In(file) => {
+                let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let text = file::read_text(file, LONGEST_POSE).map_err(|error| format!("its pose, {name}: {error}"))?;
+                of_matrix(&text).map_err(|why| format!("its pose, {name}: {why}"))
+            }
+            Posed::Known(pose) => pose.clone(),
+        }
+    }
+}
+
+/// The frames of a folder, in their order.
+pub(super) fn frames(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
+    let missing = |why| RecordingError::Missing { folder: folder.to_owned(), why };
+    let entries = std::fs::read_dir(folder).map_err(missing)?;
+    let names: BTreeSet<String> = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    let frames = match names.contains("depth.txt") {
+        true => timed(folder)?,
+        false => numbered(folder, &names),
+    };
+    match frames.iter().any(|frame| frame.depths.is_ok()) {
+        true => Ok(frames),
+        false => Err(RecordingError::Empty(folder.to_owned())),
+    }
+}
+
+/// As 7-Scenes has them: a file of depths and one of a pose each.
+fn numbered(folder: &Path, names: &BTreeSet<String>) -> Vec<Listed> {
+    let stems = names.iter().filter(|name| name.starts_with("frame-"));
+    let stems: BTreeSet<&str> =
+        stems.filter_map(|name| name.strip_suffix(DEPTH).or_else(|| name.strip_suffix(POSE))).collect();
+    let partner = |stem: &str, end: &str| {
+        let name = format!("{stem}{end}");
+        match names.contains(&name) {
+            true => Ok(folder.join(name)),
+            false => Err(format!("there is no {name}: depths and pose of a frame belong together")),
+        }
+    };
+    let listed = |stem: &&str| Listed {
+        name: format!("{stem}{DEPTH}"),
+        depths: partner(stem, DEPTH),
+        secs: None,
+        pose: partner(stem, POSE).map_or_else(|why| Posed::Known(Err(why)), Posed::In),
+    };
+    stems.iter().map(listed).collect()
+}
+
+/// As TUM's benchmark has them: lists of images and of poses, with their times.
+fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
+    let poses: Vec<(f64, Pose)> = match folder.join("groundtruth.txt") {
+        list if list.exists() => lines(&list, of_line)?,
+        _ => Vec::new(),
+    };
+    let mut poses = poses;
+    poses.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let image = |line: &str| {
+        let (time, name) = line.split_once(char::is_whitespace).ok_or("a time and a file would be right")?;
+        let secs: f64 =
+            time.parse().ok().filter(|secs: &f64| secs.is_finite()).ok_or(format!("{time:?} is no time"))?;
+        let path = Path::new(name.trim());
+        // What a list names lies in its folder.
+        let inside = path.components().all(|step| matches!(step, std::path::Component::Normal(_)));
+        if inside { Ok((secs, path.to_owned())) } else { Err(format!("{name:?} is no file of this folder")) }
+    };
+    let mut last = f64::NEG_INFINITY;
+    let mut listed = |(secs, name): (f64, PathBuf)| {
+        let backwards = (secs < last).then(|| format!("a time of {secs} s after one of {last} s: times go forwards"));
+        last = last.max(secs);
+        let near = nearest(&poses, secs);
+        let none = || format!("groundtruth.txt has no pose within {APART_SECS} s of {secs} s");
+        Listed {
+            name: name.display().to_string(),
+            depths: backwards.map_or_else(|| Ok(folder.join(&name)), Err),
+            secs: Some(secs),
+            pose: Posed::Known(near.ok_or_else(none)),
+        }
+    };
+    Ok(lines(&folder.join("depth.txt"), image)?.into_iter().map(&mut listed).collect())
+}
+
+fn nearest(poses: &[(f64, Pose)], secs: f64) -> Option<Pose> {
+    let after = poses.partition_point(|(time, _)| *time < secs);
+    let beside = poses[after.saturating_sub(1)..].iter().take(2);
+    let apart = |(time, _): &&(f64, Pose)| (time - secs).abs();
+    let near = beside.min_by(|one, other| apart(one).total_cmp(&apart(other)))?;
+    (apart(&near) <= APART_SECS).then_some(near.1)
+}
+
+/// The lines of a list that are no comments.
+fn lines<T>(list: &Path, read: impl Fn(&str) -> Result<T, String>) -> Result<Vec<T>, RecordingError> {
+    let wrong = |why: String| RecordingError::List { list: list.to_owned(), why };
+    let text = file::read_text(list, LONGEST_LIST).map_err(|error| wrong(error.to_string()))?;
+    let lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    lines.map(|(i, line)| read(line).map_err(|why| wrong(format!("line {}: {why}", i + 1)))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+        folder
+    }
+
+    #[test]
+    fn frames_without_their_partner_are_among_the_others() {
+        let pose = "1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1";
+        let folder = folder(&[
+            ("frame-000002.depth.png", ""),
+            ("frame-000001.depth.png", ""),
+            ("frame-000001.pose.txt", pose),
+            ("frame-000003.pose.txt", pose),
+            ("notes.txt", ""),
+        ]);
+        let frames = frames(folder.path()).unwrap();
+        let said: Vec<_> =
+            frames.iter().map(|frame| (frame.name.as_str(), frame.depths.is_ok(), frame.pose().is_ok())).collect();
+        let [one, two, three] = ["frame-000001.depth.png", "frame-000002.depth.png", "frame-000003.depth.png"];
+        assert_eq!(said, [(one, true, true), (two, true, false), (three, false, true)]);
+        assert!(frames[1].pose().unwrap_err().starts_with("there is no frame-000002.pose.txt: depths and pose"));
+    }
+
+    #[test]
+    fn timed_images_have_the_pose_that_is_nearest() {
+        let folder = folder(&[
+            ("depth.txt", "# time file\n10.0 depth/a.png\n10.5 depth/b.png\n10.1 depth/c.png\n10.6 depth/d.png\n"),
+            ("groundtruth.txt", "9.99 1 0 0 0 0 0 1\n10.005 2 0 0 0 0 0 1\n10.61 3 0 0 0 0 0 1\n"),
+        ]);
+        let frames = frames(folder.path()).unwrap();
+        let place = |i: usize| frames[i].pose().map(|pose| pose.position().x);
+        assert_eq!((place(0), place(3)), (Ok(2.0), Ok(3.0)));
+        assert_eq!(place(1), Err("groundtruth.txt has no pose within 0.02 s of 10.5 s".into()));
+        let backwards = "a time of 10.1 s after one of 10.5 s: times go forwards";
+        assert_eq!(frames[2].depths, Err(backwards.to_owned()));
+    }
+
+    #[test]
+    fn folders_that_are_no_recordings_are_said_with_what_would_be_right() {
+        let said = |folder: &Path| frames(folder).unwrap_err().to_string();
+        let none = said(Path::new("no/such/folder"));
+        assert!(
+            none.contains("there is no folder no/such/folder")
+                && none.contains("ELK_DATA")
+                && none.contains("7-Scenes"),
+            "{none}"
+        );
+        let empty = folder(&[]);
+        assert!(said(empty.path()).contains("neither a depth.txt nor a frame-….depth.png in it; right is"));
+        for (lists, why) in [
+            ([("depth.txt", "10.0\n"), ("groundtruth.txt", "")], "depth.txt: line 1: a time and a file would be right"),
+            ([("depth.txt", "1 ../a.png\n"), ("groundtruth.txt", "")], "is no file of this folder"),
+            ([("depth.txt", "1 a.png"), ("groundtruth.txt", "\n1 2 3")], "groundtruth.txt: line 2: 3 numbers"),
+        ] {
+            let folder = folder(&lists);
+            assert!(said(folder.path()).contains(why), "{}", said(folder.path()));
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! What the sensor of a recording says beside its scans.
+
+use elk_bus::payload;
+use elk_geometry::Pose;
+
+use crate::checks;
+
+/// Sensor of a recording to anyone, on start-up and after every pose command, before the scan: how far it is. Each command takes
+/// the next frame of which there is a scan; frames that are none, and frames of which nobody knows where they were taken, are
+/// passed over and counted.
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
+pub struct Playback {
+    /// The last pose command carried out.
+    #[describe(count)]
+    pub command: u64,
+    /// Frames taken from the recording so far.
+    #[describe(count)]
+    pub frames: u64,
+    /// Scans that came of them.
+    #[describe(count)]
+    pub scans: u64,
+    /// Of the frames, those that could not be used.
+    #[describe(count)]
+    pub bad: u64,
+    /// Of the frames, those of which the estimator of poses did not find where they were taken.
+    #[describe(count)]
+    pub lost: u64,
+    /// Length of the way from scan to scan (m).
+    #[describe(unit = "m", range = checks::LENGTHS_M)]
+    pub path_length_m: f64,
+    /// The camera's pose (world).
+    pub pose: Pose,
+    /// Recorded time since the recording's beginning of the frame that the next command begins with (s); none: the recording is
+    /// over.
+    #[describe(unit = "s")]
+    pub next_secs: Option<f64>,
+    /// How far scans lie off the recorded positions, root mean square (m); none: poses are not estimated, or not recorded.
+    #[describe(unit = "m")]
+    pub off_m: Option<f64>,
+}
+
+/// Sensor that estimates its poses to anyone, for each frame, before the scan that comes of it, if one does.
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseEstimate {
+    /// The scan; 0: none came of the frame.
+    #[describe(count)]
+    pub scan: u64,
+    /// What the recording calls the frame.
+    #[describe(check = checks::text)]
+    pub frame: String,
+    /// Recorded time since the recording's beginning (s).
+    #[describe(unit = "s", range = checks::SUMS)]
+    pub secs: f64,
+    /// The camera's pose (world), as estimated; none: it is lost.
+    pub pose: Option<Pose>,
+    /// The camera's pose (world), as recorded, where it is.
+    pub recorded: Option<Pose>,
+    /// Covariance of the estimate, row by row: of a step of the position along the world's axes and a turn about them (m, rad; 6 × 6),
+    /// or of x, y and the heading (3 × 3). It is that of the noise of independent points, the least that there is. Empty: there is no
+    /// pose, it is the first, which was given, or there are directions of which the scan says nothing.
+    #[describe(longest = 36)]
+    pub covariance: Vec<f64>,
+    /// The share of the scan that is on surfaces seen before (0 to 1).
+    #[describe(range = 0.0..=1.0)]
+    pub overlap: f64,
+    /// Why there is no pose; empty: there is one.
+    #[describe(check = checks::text)]
+    pub lost: String,
+}
