@@ -8,12 +8,13 @@ use std::process::Command;
 use serde_json::Value;
 
 /// The libraries, and where they lie.
-const LIBRARIES: [(&str, &str); 5] = [
+const LIBRARIES: [(&str, &str); 6] = [
     ("elk-geometry", "bus/geometry"),
     ("elk-map", "apps/map"),
     ("elk-field", "apps/field"),
     ("elk-stereo", "apps/stereo"),
     ("elk-registration", "apps/registration"),
+    ("elk-odometry", "apps/odometry"),
 ];
 
 /// The machine that elk is built for here, as Rust calls it.

@@ -1,0 +1,95 @@
+//! The points of the map: where they are, what they look like, and where a pair shows them.
+
+use elk_stereo::Rig;
+use nalgebra::{Isometry3, Matrix2, Point3};
+
+use crate::patch::{LEVELS, Patch};
+use crate::pyramid::{Pyramid, from_level, to_level};
+use crate::reprojection::{Observation, project};
+use crate::row;
+
+/// How much smaller than it was first seen, in each direction, a point's look is still of use.
+const LEAST_SCALE: f64 = 0.4;
+/// Pixels about a point by which is told how its look is turned.
+const STEP: f64 = 5.0;
+
+/// A point of the map.
+#[derive(Clone, Debug)]
+pub(crate) struct Landmark {
+    /// Where it is, metres, world.
+    pub position: Point3<f64>,
+    /// How often in a row it should have been seen, and was not where the others were.
+    pub failures: usize,
+    look: Patch,
+    /// The pair in which it was first seen: where that was taken, at which column and row of the left image, and how far ahead, metres.
+    first: Isometry3<f64>,
+    at: [f64; 2],
+    depth: f64,
+}
+
+impl Landmark {
+    /// The point that a pair at a pose sees somewhere in both images; none where both see it in the same direction.
+    pub fn new(rig: &Rig, pose: &Isometry3<f64>, look: Patch, seen: Observation) -> Option<Self> {
+        let [column, row] = seen.left;
+        let point = rig.point(row, column, column - seen.right?)?;
+        Some(Self { position: pose * point, failures: 0, look, first: *pose, at: seen.left, depth: point.z })
+    }
+
+    /// Steps in the image of a camera at a pose → steps in the one in which the point was first seen, as on a plane that faces that one.
+    fn warp(&self, rig: &Rig, pose: &Isometry3<f64>) -> Option<Matrix2<f64>> {
+        let disparity = rig.focal() * rig.baseline() / self.depth;
+        let seen = |dx: f64, dy: f64| {
+            let point = rig.point(self.at[1] + dy, self.at[0] + dx, disparity)?;
+            Some(project(rig, pose, &(self.first * point))?.xy())
+        };
+        let here = seen(0.0, 0.0)?;
+        let there = Matrix2::from_columns(&[seen(STEP, 0.0)? - here, seen(0.0, STEP)? - here]) / STEP;
+        there.try_inverse().filter(|warp| warp.determinant() > LEAST_SCALE.powi(2))
+    }
+
+    /// Where a pair that is taken at about `pose` shows it. `None`: it is not in the view of the left camera, or much larger, smaller or farther
+    /// turned than it was. `Some(None)`: it should be there.
+    pub fn look_for(
+        &self,
+        rig: &Rig,
+        pose: &Isometry3<f64>,
+        [left, right]: [&Pyramid; 2],
+        similarity: f32,
+    ) -> Option<Option<Observation>> {
+        let predicted = project(rig, pose, &self.position)?;
+        let image = left.level(0);
+        let is_inside = |x: f64, side: usize| x >= MARGIN && x <= side as f64 - 1.0 - MARGIN;
+        if !is_inside(predicted.x, image.width()) || !is_inside(predicted.y, image.height()) {
+            return None;
+        }
+        let warp = self.warp(rig, pose)?;
+        self.look.template(0, &warp)?;
+        Some(self.find(&warp, predicted.xy().into(), left, similarity).map(|at| {
+            let disparity = predicted.x - predicted.z;
+            let right = row::refine(&self.look, &warp, right, at, at[0] - disparity, similarity);
+            Observation { left: at, right }
+        }))
+    }
+
+    /// From the coarsest level to the finest.
+    fn find(&self, warp: &Matrix2<f64>, predicted: [f64; 2], left: &Pyramid, similarity: f32) -> Option<[f64; 2]> {
+        let mut at = predicted;
+        let mut reached = 0.0;
+        for level in (0..LEVELS).rev() {
+            let found =
+                self.look.template(level, warp).and_then(|window| window.find(left.level(level), to_level(at, level)));
+            // A coarse level on which there is nothing to be found, or something else is, says nothing.
+            match found {
+                Some(found) if level == 0 || found.similarity >= similarity => {
+                    (at, reached) = (from_level(found.at, level), found.similarity);
+                }
+                _ if level == 0 => return None,
+                _ => {}
+            }
+        }
+        (reached >= similarity).then_some(at)
+    }
+}
+
+/// How far from the border points are looked for, pixels.
+const MARGIN: f64 = 6.0;
