@@ -105,7 +105,7 @@ impl OccupancyMap {
 
 impl Brick {
     /// Knows no more of these cells than if they had never been seen.
-    fn forget(&mut self, cells: &Mask, codes: &mut Codes) {
+    pub(crate) fn forget(&mut self, cells: &Mask, codes: &mut Codes) {
         for cell in mask::cells(&std::array::from_fn(|z| cells[z] & self.known[z])) {
             self.log_odds.set(cell, 0.0, codes);
         }

@@ -3,6 +3,8 @@
 //! All rays are walked first, and only mark voxels as hit or passed; then every marked voxel gets one update, and a hit
 //! wins over any number of passing rays. The order of the points therefore does not matter, and a voxel near the sensor
 //! that a thousand rays pass is not a thousand times as free (`exploration-prototype`: without this no exploration ends).
+//!
+//! Of a sensor that errs along its rays, [`OccupancyMap::insert_uncertain`] in `uncertain.rs` takes scans.
 
 use elk_geometry::Voxel;
 use elk_geometry::bricks::brick_of;
@@ -20,7 +22,7 @@ use crate::walk::{Lattice, Point};
 
 /// What a miss counts against a voxel that was ever hit, under a grazing rule: a surface that fills a part of it is passed
 /// by more rays than hit it. At a half floors still dissolve; below a quarter nothing is gained, and noise goes slower.
-const GRAZED_SHARE: f32 = 0.25;
+pub(crate) const GRAZED_SHARE: f32 = 0.25;
 /// Rays for which memory is kept from scan to scan.
 const MOST_KEPT: usize = 1 << 18;
 
@@ -63,8 +65,8 @@ impl OccupancyMap {
         range: f64,
     ) -> Insertion {
         let (mut dropped, mut cut) = (Dropped::default(), 0);
-        let sensor = Sensor { lattice: Lattice::new(self.config.resolution), origin, at: single(origin) };
-        if !sensor.lattice.has(sensor.at) {
+        let sensor = Sensor::new(self.config.resolution, origin);
+        if !sensor.is_within_map() {
             dropped.out_of_range = points.into_iter().count();
             return Insertion { dropped, ..Insertion::default() };
         }
@@ -92,21 +94,26 @@ impl OccupancyMap {
 
     /// What rays pass and hit, by brick.
     fn mark(&mut self, sensor: &Sensor, rays: &[Ray]) -> Vec<(Voxel, Marks)> {
+        self.mark_rays(sensor, rays, []);
+        self.scratch.take()
+    }
+
+    /// Marks what rays pass and hit; beyond their ends there is room for marks up to those of `others`.
+    pub(crate) fn mark_rays(&mut self, sensor: &Sensor, rays: &[Ray], others: impl IntoIterator<Item = Ray>) {
         let start = sensor.lattice.voxel(sensor.at);
         let (mut low, mut high) = (start.to_array(), start.to_array());
-        for ray in rays {
+        for ray in rays.iter().copied().chain(others) {
             let end = sensor.lattice.voxel(ray.end).to_array();
             (low, high) = (std::array::from_fn(|i| low[i].min(end[i])), std::array::from_fn(|i| high[i].max(end[i])));
         }
         self.scratch.clear(start, low.into(), high.into(), self.table.room());
         Fan::new(sensor.lattice, sensor.at, &mut self.scratch, &self.table)
             .mark(rays, self.config.integration == Integration::EndVoxels);
-        self.scratch.take()
     }
 
     /// Makes the bricks that there are not yet; where there is not room for all, the nearest to the sensor, and leaves the
     /// others out of what was touched. Answers how many rays hit in those.
-    fn make_room(&mut self, sensor: &Sensor, rays: &[Ray], touched: &mut Vec<(Voxel, Marks)>) -> usize {
+    pub(crate) fn make_room(&mut self, sensor: &Sensor, rays: &[Ray], touched: &mut Vec<(Voxel, Marks)>) -> usize {
         let mut new: Vec<Voxel> =
             touched.iter().map(|(brick, _)| *brick).filter(|brick| self.table.find(*brick).is_none()).collect();
         let room = self.table.room();
@@ -142,7 +149,7 @@ impl OccupancyMap {
     }
 
     /// The cells of brick `i` that passing rays do not count against (see [`Grazing`]).
-    fn spared(&self, i: usize, position: Voxel, marks: &Marks) -> Mask {
+    pub(crate) fn spared(&self, i: usize, position: Voxel, marks: &Marks) -> Mask {
         let ever_hit = self.bricks[i].ever_hit;
         match self.config.grazing {
             Grazing::None => mask::NONE,
@@ -197,18 +204,28 @@ impl Brick {
 }
 
 /// Where a scan is taken from.
-struct Sensor {
-    lattice: Lattice,
+pub(crate) struct Sensor {
+    pub lattice: Lattice,
     /// Its place (m, world), and the same in OctoMap's precision.
-    origin: Point3<f64>,
+    pub origin: Point3<f64>,
     at: Point,
 }
 
 impl Sensor {
+    /// A sensor at `origin` (m, world), over voxels of an edge of `resolution` (m).
+    pub fn new(resolution: f64, origin: Point3<f64>) -> Self {
+        Self { lattice: Lattice::new(resolution), origin, at: single(origin) }
+    }
+
+    /// Whether it is in the map.
+    pub fn is_within_map(&self) -> bool {
+        self.lattice.has(self.at)
+    }
+
     /// The ray to a point, moved into its surface, or cut at the largest range; and whether it was cut. `None`: the point is
     /// not one.
     #[inline]
-    fn ray_to(&self, point: Point3<f64>, config: &MapConfig) -> Option<(Ray, bool)> {
+    pub fn ray_to(&self, point: Point3<f64>, config: &MapConfig) -> Option<(Ray, bool)> {
         let offset = point - self.origin;
         let range = offset.norm();
         let end = point + offset * (config.advance / range);
@@ -230,14 +247,14 @@ impl Sensor {
     }
 
     /// The ray in a direction in which there is nothing up to `reach` (m). `None`: it is no direction.
-    fn empty_ray(&self, direction: Vector3<f64>, reach: f64) -> Option<Ray> {
+    pub fn empty_ray(&self, direction: Vector3<f64>, reach: f64) -> Option<Ray> {
         let direction = direction.try_normalize(0.0).filter(|d| d.iter().all(|c| c.is_finite()))?;
         Some(self.within_map(single(self.origin + direction * reach), Tip::Open))
     }
 
     /// A ray to a point; cut where the map ends.
     #[inline]
-    fn within_map(&self, end: Point, tip: Tip) -> Ray {
+    pub fn within_map(&self, end: Point, tip: Tip) -> Ray {
         match self.lattice.has(end) {
             true => Ray { end, tip },
             false => Ray { end: self.cut_to_map(end), tip: Tip::Edge },
@@ -254,7 +271,7 @@ impl Sensor {
 
 /// A point in OctoMap's precision.
 #[inline]
-fn single(point: Point3<f64>) -> Point {
+pub(crate) fn single(point: Point3<f64>) -> Point {
     [point.x as f32, point.y as f32, point.z as f32]
 }
 

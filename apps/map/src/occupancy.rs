@@ -214,6 +214,16 @@ impl Brick {
             frontier: mask::NONE,
         }
     }
+
+    /// What of it the grid shows: known cells, and the occupied ones of them.
+    pub fn shown(&self) -> [Mask; 2] {
+        [self.known, self.occupied]
+    }
+
+    /// Its free cells.
+    pub fn free(&self) -> Mask {
+        mask::without(&self.known, &self.occupied)
+    }
 }
 
 /// What is being changed in a map, brick by brick in the order in which it is to be told.
@@ -323,17 +333,23 @@ impl OccupancyMap {
         changed: &mut Changed,
         change: impl FnOnce(&mut Brick, &mut Codes),
     ) {
-        let (position, brick) = (self.table.position(i), &mut self.bricks[i]);
-        let (known, occupied) = (brick.known, brick.occupied);
+        let brick = &mut self.bricks[i];
+        let before = brick.shown();
         change(brick, &mut self.codes);
+        self.show_brick(i, before, changed);
+    }
+
+    /// Has the grid show brick `i`, which it shows as it was `before`.
+    pub(crate) fn show_brick(&mut self, i: usize, [known, occupied]: [Mask; 2], changed: &mut Changed) {
+        let (position, brick) = (self.table.position(i), &self.bricks[i]);
         let extent: Mask = std::array::from_fn(|z| known[z] ^ brick.known[z]);
         let states: Mask = std::array::from_fn(|z| extent[z] | (occupied[z] ^ brick.occupied[z]));
         if states != mask::NONE {
             self.grid.set_cells(position, &states, &brick.known, &brick.occupied);
             changed.states.add((position, states));
             changed.extents.push((i, extent));
-            changed.unknown.extend((brick.known == mask::NONE).then_some(position));
         }
+        changed.unknown.extend((brick.known == mask::NONE).then_some(position));
     }
 
     /// Gives back the bricks of which nothing is known any more, and brings the frontier up to date with those that changed;
