@@ -39,7 +39,7 @@ fn followed(world: &World, truth: &Truth, corners: &[Point3<f64>]) -> (f64, u64)
     for corner in corners {
         for look in looks() {
             id += 1;
-            let travel = robot.go(&PoseCommand { id, via: vec![], pose: pose(*corner, look) });
+            let (travel, _) = robot.go(&PoseCommand { id, via: vec![], pose: pose(*corner, look) });
             assert!(travel.refused.is_none(), "{travel:?} at {corner:?}");
             let (scan, camera) = (robot.scan(0.0).unwrap(), robot.pose());
             map.insert(*corner, scan.points.iter().map(|point| camera.to_world(point.cast())));

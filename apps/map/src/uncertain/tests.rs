@@ -72,7 +72,7 @@ impl Reference {
             occupied && !around(*voxel).any(|next| self.is(next, State::Free))
         };
         let hidden: Vec<Voxel> = self.log_odds.keys().filter(|voxel| is_hidden(voxel)).copied().collect();
-        hidden.iter().for_each(|voxel| drop(self.log_odds.remove(voxel)));
+        hidden.iter().for_each(|voxel| _ = self.log_odds.remove(voxel));
     }
 }
 
@@ -116,7 +116,7 @@ proptest! {
         let count = |state: State| plain.log_odds.keys().filter(|voxel| plain.is(**voxel, state)).count();
         prop_assert_eq!((reader.free(), reader.occupied()), (count(State::Free), count(State::Occupied)));
         let mut frontier = elk_geometry::FrontierSet::new(None);
-        frontier.update(map.grid(), &map.known().map(|(voxel, _)| voxel).collect::<Vec<_>>());
+        frontier.update(map.grid(), map.known().map(|(voxel, _)| voxel).collect::<Vec<_>>());
         prop_assert_eq!(map.frontier().collect::<BTreeSet<_>>(), frontier.iter().collect::<BTreeSet<_>>());
         let known = map.snapshot().bricks.iter().all(|brick| brick.known != mask::NONE);
         prop_assert!(known, "a brick of which nothing is known is given back");
