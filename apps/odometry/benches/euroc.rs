@@ -9,8 +9,8 @@
 mod data;
 #[path = "common/opencv.rs"]
 mod opencv;
-#[path = "../../stereo/tests/picture/mod.rs"]
-mod picture;
+#[path = "../tests/recording/mod.rs"]
+mod recording;
 #[path = "../../../tests/common/stopwatch.rs"]
 mod stopwatch;
 #[path = "common/table.rs"]
@@ -18,32 +18,9 @@ mod table;
 #[path = "common/trajectory.rs"]
 mod trajectory;
 
-use std::path::Path;
-
 use elk_odometry::OdometryConfig;
-use elk_stereo::{Image, Matcher, Rectification, SemiGlobal, SemiGlobalConfig, calibration};
-use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion};
-
-/// The camera's pose in the body's frame, `T_BS` of a calibration.
-fn body_from_camera(text: &str) -> Isometry3<f64> {
-    let list = text.split_once("data:").unwrap().1.split(['[', ']']).nth(1).unwrap();
-    let matrix = Matrix4::from_row_iterator(list.split(',').map(|number| number.trim().parse::<f64>().unwrap()));
-    let rotation: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
-    let position = matrix.fixed_view::<3, 1>(0, 3).into_owned();
-    Isometry3::from_parts(position.into(), UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation)))
-}
-
-/// Seconds and poses of the body, a line each.
-fn truth(path: &Path) -> Vec<(f64, Isometry3<f64>)> {
-    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let pose = |line: &str| {
-        let numbers: Vec<f64> = line.split_whitespace().map(|number| number.parse().unwrap()).collect();
-        let [seconds, x, y, z, i, j, k, w] = numbers[..] else { panic!("{line}: eight numbers would be right") };
-        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
-        (seconds, Isometry3::from_parts([x, y, z].into(), rotation))
-    };
-    text.lines().filter(|line| !line.starts_with('#')).map(pose).collect()
-}
+use elk_stereo::{Image, Matcher, Rectification, SemiGlobal, SemiGlobalConfig};
+use nalgebra::Isometry3;
 
 fn main() {
     let folder = data::folder().join("stereo_euroc");
@@ -51,30 +28,8 @@ fn main() {
         println!("euroc: skipped, there is no {} (set ELK_DATA)", folder.display());
         return;
     }
-    let [left, right] = ["cam0.yaml", "cam1.yaml"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap());
-    let calibration = calibration::euroc(&left, &right).unwrap();
-    let turn = Rectification::new(&calibration).unwrap().left_from_rectified();
-    let body_from_rectified = body_from_camera(&left) * turn;
-    let mut names: Vec<String> = std::fs::read_dir(folder.join("cam0"))
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
-    names.sort();
-    let bodies = truth(&folder.join("groundtruth.txt"));
-    let at = |name: &String| {
-        let seconds = name.trim_end_matches(".png").parse::<f64>().unwrap() * 1e-9;
-        let nearest = bodies.iter().min_by(|a, b| (a.0 - seconds).abs().total_cmp(&(b.0 - seconds).abs())).unwrap();
-        assert!((nearest.0 - seconds).abs() < 0.01, "there is no truth at {seconds}");
-        nearest.1 * body_from_rectified
-    };
-    let sequence = table::Sequence {
-        calibration,
-        truth: names.iter().map(at).collect(),
-        pairs: names
-            .iter()
-            .map(|name| ["cam0", "cam1"].map(|side| picture::read(&folder.join(side).join(name))))
-            .collect(),
-    };
+    let recording::Recording { calibration, pairs, truth } = recording::read(&folder);
+    let sequence = table::Sequence { calibration, pairs, truth };
     let poses = table::show(&sequence, 0.005, &[("elk", OdometryConfig::default())]);
     println!("| poses of | grey levels by which images differ from the first one, moved by them |");
     println!("|---|---|");

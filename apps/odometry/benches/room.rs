@@ -63,7 +63,9 @@ fn main() {
         pairs: poses.iter().enumerate().map(|(i, pose)| cameras.view(pose, i as u64)).collect(),
         truth: poses.iter().map(|pose| pose * turn).collect(),
     };
-    let default = OdometryConfig::default;
-    let settings = [("elk", default()), ("elk, no more than two keyframes", OdometryConfig { window: 2, ..default() })];
+    let of = |window| OdometryConfig { window, ..OdometryConfig::default() };
+    let settings = [("elk", OdometryConfig::default()), ("elk, 2 keyframes", of(2)), ("elk, 16 keyframes", of(16))];
     table::show(&sequence, 1.0, &settings);
+    println!("\nEvery third pair alone:");
+    table::show(&sequence.every(3), 1.0, &settings);
 }

@@ -39,16 +39,16 @@ impl Default for OdometryConfig {
     fn default() -> Self {
         Self {
             cell: 32,
-            texture: 15.0,
+            texture: 8.0,
             disparities: 128,
-            similarity: 0.85,
+            similarity: 0.87,
             tolerance: 1.5,
             inliers: 15,
             share: 0.4,
             deviation: 0.1,
             step: 0.1,
             cover: 0.7,
-            window: 8,
+            window: 10,
             patience: 20,
             seed: 1,
         }

@@ -73,7 +73,7 @@ pub(crate) fn consensus(
     let mut pose = best.1;
     for _ in 0..2 {
         let inliers = agreeing(&pose);
-        pose = least_squares::pose(rig, &pose, inliers.iter().copied(), tolerance / 2.0)?;
+        pose = least_squares::pose(rig, &pose, inliers.iter().copied(), tolerance / 3.0)?;
     }
     let inliers: Vec<bool> = matches.iter().map(|one| squared(&pose, one) < limit).collect();
     let residuals: Vec<_> = agreeing(&pose).iter().filter_map(|one| one.residual(rig, &pose)).collect();

@@ -232,13 +232,22 @@ impl Odometry {
         let mut random = Random::new(self.config.seed, self.pairs);
         let predicted = self.locate_near(&self.predict(small), pair, &mut random);
         let Err(lost) = predicted else { return predicted };
-        let turned = self.keyframes.iter().filter_map(|keyframe| {
-            let turn = turn::search(&self.rig, &keyframe.small, small)?;
-            let rotation = keyframe.pose.rotation * turn.second_from_first.inverse();
-            Some((turn.difference, Isometry3::from_parts(keyframe.pose.translation, rotation)))
-        });
-        let alike = turned.min_by(|a, b| a.0.total_cmp(&b.0));
-        alike.map_or(Err(lost), |(_, guess)| self.locate_near(&guess, pair, &mut random)).map_err(|_| lost)
+        match self.most_alike(small) {
+            Some(guess) => self.locate_near(&guess, pair, &mut random).map_err(|_| lost),
+            None => Err(lost),
+        }
+    }
+
+    /// Where the keyframe was taken that looks most like a pair, turned as the image is.
+    fn most_alike(&self, small: &Thumbnail) -> Option<Isometry3<f64>> {
+        let turned = self
+            .keyframes
+            .iter()
+            .filter_map(|keyframe| Some((turn::search(&self.rig, &keyframe.small, small)?, keyframe)));
+        let (turn, keyframe) = turned.min_by(|a, b| a.0.difference.total_cmp(&b.0.difference))?;
+        let turn = turn::turn(&self.rig, &keyframe.small, small, turn.second_from_first)?;
+        let rotation = keyframe.pose.rotation * turn.second_from_first.inverse();
+        Some(Isometry3::from_parts(keyframe.pose.translation, rotation))
     }
 
     /// Where the cameras should be if they go on as they went, turned as the image is.
@@ -389,7 +398,7 @@ impl Odometry {
             points: self.landmarks.values().map(|landmark| landmark.position).collect(),
             sights: sights.into_iter().filter_map(place).collect(),
         };
-        bundle.adjust(&self.rig, FIXED, self.config.tolerance / 2.0);
+        bundle.adjust(&self.rig, FIXED, self.config.tolerance / 3.0);
         self.keyframes.iter_mut().zip(&bundle.poses).for_each(|(keyframe, pose)| keyframe.pose = *pose);
         self.landmarks.values_mut().zip(&bundle.points).for_each(|(landmark, point)| landmark.position = *point);
         if let Some(pose) = bundle.poses.last() {
