@@ -104,6 +104,27 @@ fn a_run_is_what_the_mission_of_processes_is() {
     }
 }
 
+/// The map of a noisy run is held against that of the run without noise; one that believes depth to be exact is worse.
+#[test]
+fn a_noisy_map_is_held_against_an_exact_one() {
+    let noise = "Sensor.NoiseSigma=\"1\" Sensor.NoisePixel=\"stereo\"";
+    let world =
+        |name: &str, more: &str| format!("<World name=\"{name}\" mission=\"car.xml\" {COARSE} {noise} {more}/>");
+    let more = world("noisy", "") + &world("naive", "Map.DepthError=\"none\"");
+    let elk = elk("evaluate-noise", &suite(1, &more));
+    let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
+    assert!(out.status.success(), "{}", said(&out));
+    let csv = text(&elk.folder().join("out"), "runs.csv");
+    let share = |row: usize, name: &str| cell(&csv, row, name).parse::<f64>().unwrap();
+    for (noisy, naive) in [(3, 5), (4, 6)] {
+        assert_eq!((cell(&csv, noisy, "world"), cell(&csv, naive, "world")), ("noisy", "naive"), "{csv}");
+        assert!(share(noisy, "as_exact") > 0.85 && share(naive, "as_exact") < 0.85, "{csv}");
+        assert!(share(noisy, "as_exact_of_known") < share(noisy, "as_exact"), "{csv}");
+    }
+    assert_eq!(cell(&csv, 1, "as_exact"), "", "without noise there is nothing to compare");
+    assert!(text(&elk.folder().join("out"), "table.md").contains("| as exact % |"));
+}
+
 #[test]
 fn what_cannot_be_run_is_said_by_name_and_the_rest_goes_on() {
     let more = "<World name=\"none\" file=\"no-such.obj\"/>\n    <World name=\"unset\" file=\"$ELK_NO_SUCH/a.obj\"/>";

@@ -12,6 +12,7 @@
 //! | [`store`] | the results' folder, and how an evaluation goes on from there |
 //! | [`statistics`], [`table`], [`drawing`], [`evaluation`] | means, tables, pictures, and all of it together |
 
+pub mod agreement;
 pub mod drawing;
 pub mod evaluation;
 pub mod observer;

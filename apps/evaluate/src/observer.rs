@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use elk_bus::codec::DecodeError;
 use elk_bus::{Client, CommsError, Key, Mail};
-use elk_geometry::Pose;
+use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::Replica;
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::keys::{
@@ -141,6 +141,7 @@ impl<'a> Observer<'a> {
             coverage: heard.coverage.share(),
             recall,
             precision,
+            agreement: None,
             contacts: heard.contacts,
             known: (grid.free() + grid.occupied()) as u64,
             map: digest(&heard.map),
@@ -149,9 +150,9 @@ impl<'a> Observer<'a> {
         (outcome, heard.plan_secs.clone())
     }
 
-    /// What was known after each scan.
-    pub fn into_trace(self) -> Vec<TracePoint> {
-        self.heard.trace
+    /// What was known after each scan, and the map.
+    pub fn into_trace_and_map(self) -> (Vec<TracePoint>, OccupancyGrid) {
+        (self.heard.trace, self.heard.map.into_grid())
     }
 }
 

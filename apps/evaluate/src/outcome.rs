@@ -2,6 +2,8 @@
 
 use nalgebra::Point3;
 
+use crate::agreement::Agreement;
+
 /// Shares of what is truly visible of which it is said how long the way to them was.
 pub const SHARES: [f64; 4] = [0.9, 0.95, 0.99, 0.999];
 
@@ -60,6 +62,9 @@ pub struct Outcome {
     pub recall: Option<f64>,
     /// Of the voxels that the map calls occupied, the share that a surface meets; `None`: there are none.
     pub precision: Option<f64>,
+    /// How much of the map is as in that of the run without noise from the same start; `None`: there is no noise, or one of the
+    /// two is not complete.
+    pub agreement: Option<Agreement>,
     /// Motions on which the robot touched the world.
     pub contacts: u64,
     /// Voxels known, and a digest of the map.
@@ -108,6 +113,7 @@ impl Outcome {
             coverage: 0.0,
             recall: None,
             precision: None,
+            agreement: None,
             contacts: 0,
             known: 0,
             map: 0,
@@ -121,7 +127,7 @@ impl Outcome {
     }
 
     /// The names of [`Outcome::cells`].
-    pub const HEADS: [&'static str; 18] = [
+    pub const HEADS: [&'static str; 20] = [
         "end",
         "way_m",
         "rotation_deg",
@@ -136,6 +142,8 @@ impl Outcome {
         "coverage",
         "recall",
         "precision",
+        "as_exact",
+        "as_exact_of_known",
         "contacts",
         "known_voxels",
         "map",
@@ -157,6 +165,7 @@ impl Outcome {
         ];
         cells.extend(self.marks.map(perhaps));
         cells.extend([number(self.area_m), number(self.coverage), perhaps(self.recall), perhaps(self.precision)]);
+        cells.extend([self.agreement.map(|one| one.of_world), self.agreement.map(|one| one.of_known)].map(perhaps));
         cells.extend([self.contacts.to_string(), self.known.to_string(), format!("{:016x}", self.map)]);
         cells.push(self.reason.clone());
         cells
@@ -165,7 +174,9 @@ impl Outcome {
     /// What [`Outcome::cells`] were made of; `None`: they were made of none.
     pub fn from_cells(cells: &[String], times: Times) -> Option<Self> {
         let [end, way, rotation, scans, plans, travel, m90, m95, m99, m999, rest @ ..] = cells else { return None };
-        let [area, coverage, recall, precision, contacts, known, map, reason] = rest else { return None };
+        let [area, coverage, recall, precision, of_world, of_known, contacts, known, map, reason] = rest else {
+            return None;
+        };
         let perhaps = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
         Some(Self {
             end: End::ALL.into_iter().find(|one| one.word() == end)?,
@@ -180,6 +191,9 @@ impl Outcome {
             coverage: coverage.parse().ok()?,
             recall: perhaps(recall)?,
             precision: perhaps(precision)?,
+            agreement: perhaps(of_world)?
+                .zip(perhaps(of_known)?)
+                .map(|(of_world, of_known)| Agreement { of_world, of_known }),
             contacts: contacts.parse().ok()?,
             known: known.parse().ok()?,
             map: u64::from_str_radix(map, 16).ok()?,
@@ -233,6 +247,7 @@ pub(crate) mod tests {
             travel_secs: Some(1.0 / 3.0),
             marks: [Some(1.5), None, None, None],
             recall: Some(0.99),
+            agreement: Some(Agreement { of_world: 0.1 + 0.2, of_known: 1.0 / 3.0 }),
             map: u64::MAX,
             ..complete(1.0)
         };

@@ -7,9 +7,10 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
+use crate::agreement::agreement;
 use crate::outcome::{Outcome, TracePoint};
-use crate::site::{Missions, Plans, Site};
-use crate::stage::{Interrupted, Sign, run};
+use crate::site::{Missions, Noise, Plans, Site};
+use crate::stage::{Came, Interrupted, Sign, run};
 use crate::suite::Suite;
 
 /// How often it is seen whether a run goes on.
@@ -74,21 +75,24 @@ impl Grounds {
         made.as_ref()
     }
 
+    /// A run; of one with noise that is complete, the same without as well, whose map its own is held against.
     fn carry_out(&self, case: Case, sign: &Sign, stop: &AtomicBool) -> Result<(Outcome, Vec<TracePoint>), Interrupted> {
-        let failed = |why: String| Ok((Outcome::failed(why), Vec::new()));
-        let site = match self.site(case.world) {
-            Ok(site) => site,
-            Err(why) => return failed(why.clone()),
+        let (site, plans) = match (self.site(case.world), &self.plans[case.world]) {
+            (Ok(site), Ok(plans)) => (site, plans),
+            (Err(why), _) | (_, Err(why)) => return Ok((Outcome::failed(why), Vec::new())),
         };
-        let mission = match &self.plans[case.world] {
-            Ok(plans) => plans.mission(case.strategy, &site.starts[case.start], &self.missions),
-            Err(why) => Err(why.clone()),
-        };
-        let mission = match mission {
-            Ok(mission) => mission,
-            Err(why) => return failed(why),
-        };
-        run(site, &mission, &self.suite.limits, (sign, stop))
+        let run_with =
+            |noise: Noise| match plans.mission(case.strategy, &site.starts[case.start], noise, &self.missions) {
+                Ok(mission) => run(site, &mission, &self.suite.limits, (sign, stop)),
+                Err(why) => Ok(Came::failed(why)),
+            };
+        let Came { mut outcome, trace, map } = run_with(Noise::AsSaid)?;
+        if plans.is_noisy && outcome.is_complete() {
+            let exact = run_with(Noise::None)?;
+            let maps = exact.outcome.is_complete().then_some([&map, &exact.map]);
+            outcome.agreement = maps.and_then(|maps| agreement(&site.truth, site.world.extents(), maps));
+        }
+        Ok((outcome, trace))
     }
 }
 

@@ -92,6 +92,8 @@ pub struct Plans {
     sensor: String,
     /// What the missions came to, all that is said and all defaults, by strategy; and what is in a program's files.
     pub effective: Vec<String>,
+    /// Whether its sensor has noise that it can be without.
+    pub is_noisy: bool,
     terms: Terms,
     pose_variable: String,
     speed: Option<Speed>,
@@ -139,7 +141,7 @@ impl Plans {
             all.push(sets);
         }
         let facts = Facts::of(&known).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
-        let Facts { terms, pose_variable, speed, around, world_file, placement } = facts;
+        let Facts { is_noisy, terms, pose_variable, speed, around, world_file, placement } = facts;
         let source = entry.source.clone();
         Ok(Ok(Self {
             source,
@@ -147,6 +149,7 @@ impl Plans {
             sets: all,
             sensor,
             effective,
+            is_noisy,
             terms,
             pose_variable,
             speed,
@@ -194,13 +197,37 @@ impl Plans {
     ///
     /// # Errors
     /// There is none: its file has changed.
-    pub fn mission(&self, strategy: usize, start: &Start, missions: &Missions) -> Result<Mission, String> {
-        load(&self.source, &self.folder, &self.run_sets(strategy, start), missions)
+    pub fn mission(
+        &self,
+        strategy: usize,
+        start: &Start,
+        noise: Noise,
+        missions: &Missions,
+    ) -> Result<Mission, String> {
+        let mut sets = self.run_sets(strategy, start);
+        if noise == Noise::None {
+            sets.retain(|set| !(set.app == self.sensor && set.param.eq_ignore_ascii_case(NOISE)));
+            sets.push(Override { app: self.sensor.clone(), param: NOISE.to_owned(), text: "0".to_owned() });
+        }
+        load(&self.source, &self.folder, &sets, missions)
     }
+}
+
+/// The sensor's parameter that says how much noise it has.
+const NOISE: &str = "NoiseSigma";
+
+/// Which noise a run has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Noise {
+    /// What its mission says.
+    AsSaid,
+    /// None.
+    None,
 }
 
 /// What a mission says of world and robot.
 struct Facts {
+    is_noisy: bool,
     terms: Terms,
     pose_variable: String,
     speed: Option<Speed>,
@@ -230,6 +257,7 @@ impl Facts {
         };
         let has_speed = controller.takes("Speed") && controller.takes("TurnRate");
         Ok(Self {
+            is_noisy: sensor.takes(NOISE) && seen.number(NOISE) > 0.0,
             terms: Terms { resolution: map.number("Res"), radius_m: explorer.number("Radius"), bounds },
             pose_variable: seen.text("MOOSPoseVarName").to_owned(),
             speed: has_speed

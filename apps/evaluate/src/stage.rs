@@ -9,6 +9,7 @@ use elk_bus::clock::Stopwatch;
 use elk_bus::clock::{monotonic_nanos, thread_cpu_secs};
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{App, BrokerConfig, Client, Clock, Community, Overheard, begin_app, take_turn, take_wake};
+use elk_geometry::OccupancyGrid;
 use elk_mission::{AppSpec, Mission, Program, element};
 use elk_pipe::{Errors, PipeApp};
 
@@ -74,6 +75,23 @@ struct Player {
     client: Client,
 }
 
+/// What came of a run.
+pub struct Came {
+    /// How it ended, and what was measured.
+    pub outcome: Outcome,
+    /// What was known after each scan.
+    pub trace: Vec<TracePoint>,
+    /// The map that was made.
+    pub map: OccupancyGrid,
+}
+
+impl Came {
+    /// Of a run that came to nothing.
+    pub fn failed(why: impl Into<String>) -> Self {
+        Self { outcome: Outcome::failed(why), trace: Vec::new(), map: OccupancyGrid::new(1.0) }
+    }
+}
+
 /// Runs a mission to its end, or to where it may go no farther.
 ///
 /// # Errors
@@ -83,13 +101,13 @@ pub fn run(
     mission: &Mission,
     limits: &Limits,
     (sign, stop): (&Sign, &AtomicBool),
-) -> Result<(Outcome, Vec<TracePoint>), Interrupted> {
+) -> Result<Came, Interrupted> {
     let overheard = Overheard::listen(LAST_WORDS);
     let begun = thread_cpu_secs();
     let broker = MemoryBroker::new(BrokerConfig::new("evaluation"), Clock::new(WARP));
     let mut stage = match Stage::new(site, mission, &broker) {
         Ok(stage) => stage,
-        Err(why) => return Ok((Outcome::failed(why), Vec::new())),
+        Err(why) => return Ok(Came::failed(why)),
     };
     sign.begin(stage.players.iter().map(|player| player.name.clone()).collect());
     let why = stage.play(limits, (sign, stop))?;
@@ -105,7 +123,8 @@ pub fn run(
         plan_p50_secs: percentile(&plans, 0.5).unwrap_or(0.0),
         plan_p99_secs: percentile(&plans, 0.99).unwrap_or(0.0),
     };
-    Ok((outcome, stage.observer.into_trace()))
+    let (trace, map) = stage.observer.into_trace_and_map();
+    Ok(Came { outcome, trace, map })
 }
 
 /// Why it goes no farther.

@@ -153,6 +153,9 @@ impl<'a> Rows<'a> {
             "plan p50, p99 ms",
         ];
         head.extend(others.map(str::to_owned));
+        if self.has_noise(world) {
+            head.extend(["as exact %", "as exact, of known %"].map(str::to_owned));
+        }
         if !entry.references.is_empty() {
             head.push("published way m".to_owned());
         }
@@ -168,6 +171,11 @@ impl<'a> Rows<'a> {
             lines.push(cells);
         }
         Table { caption: entry.name.clone(), head, lines }
+    }
+
+    /// Whether maps of a world were held against those without noise.
+    fn has_noise(&self, world: usize) -> bool {
+        self.rows.values().any(|row| row.case.world == world && row.outcome.agreement.is_some())
     }
 
     /// What the oracle's ways come to; `None`: there are none.
@@ -216,6 +224,11 @@ impl<'a> Rows<'a> {
         let millis: [Measure; 2] =
             [|run| Some(1e3 * run.times.plan_p50_secs), |run| Some(1e3 * run.times.plan_p99_secs)];
         cells.push(millis.map(|time| mean(time, 1)).join(", "));
+        if self.has_noise(world) {
+            let shares: [Measure; 2] =
+                [|run| run.agreement.map(|one| one.of_world), |run| run.agreement.map(|one| one.of_known)];
+            cells.extend(shares.map(|share| percent_of(&runs, share)));
+        }
         if !entry.references.is_empty() {
             let own: Vec<String> = entry.references.iter().filter(|one| one.strategy == *name).map(published).collect();
             cells.push(if own.is_empty() { "–".to_owned() } else { own.join(", ") });

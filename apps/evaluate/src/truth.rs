@@ -124,6 +124,16 @@ impl Truth {
         self.hidden
     }
 
+    /// The volume to explore (m, world); `None`: all.
+    pub fn bounds(&self) -> Option<Bounds> {
+        self.terms.bounds
+    }
+
+    /// Whether a voxel lies in the volume to explore.
+    pub fn holds(&self, voxel: Voxel) -> bool {
+        self.terms.holds(voxel)
+    }
+
     /// Edge of a voxel (m).
     pub fn resolution(&self) -> f64 {
         self.terms.resolution

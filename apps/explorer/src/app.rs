@@ -189,7 +189,7 @@ impl ExplorerApp {
     fn on_status(&mut self, _: &mut Comms, status: MapStatus) -> Result<(), AppError> {
         self.said_full = status.full;
         self.explorer.hear_of_rays(status.rays.no_return);
-        self.explorer.hear_of_camera(&status.camera);
+        self.explorer.hear_of_camera(&status.camera, status.resolution);
         self.look_whether_full();
         Ok(())
     }

@@ -102,9 +102,9 @@ impl Explorer {
         &self.frontier
     }
 
-    /// The scans are taken with this camera.
-    pub fn hear_of_camera(&mut self, camera: &CameraInfo) {
-        self.sight = Sight::of(camera);
+    /// The scans are taken with this camera, and go into a map of voxels of `resolution` (m).
+    pub fn hear_of_camera(&mut self, camera: &CameraInfo, resolution: f64) {
+        self.sight = Sight::of(camera, resolution);
     }
 
     /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.

@@ -11,7 +11,7 @@ const EDGE_MARGIN: f64 = 2.5 * std::f64::consts::PI / 180.0;
 pub struct Sight {
     /// Half the angle of the cone (rad).
     pub half_angle: f64,
-    /// How far it sees (m); infinite: as far as there is anything.
+    /// How far it sees what is there (m), by its range and by its error; infinite: as far as there is anything.
     pub range_m: f64,
     /// Of [`Sight::half_angle`]: each voxel near a look is held against it.
     cos_half_angle: f64,
@@ -19,11 +19,12 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// What a camera is sure to see. Of one that is not known that is what it is aimed at.
-    pub fn of(camera: &CameraInfo) -> Self {
+    /// What a camera is sure to see of voxels of `resolution` (m). Of one that is not known that is what it is aimed at.
+    pub fn of(camera: &CameraInfo, resolution: f64) -> Self {
         let half_angle = (camera.cone_half_angle() - EDGE_MARGIN).max(0.0);
+        let range_m = camera.reach_m().min(camera.resolves_m(resolution));
         let (sin_half_angle, cos_half_angle) = (half_angle.sin(), half_angle.cos());
-        Self { half_angle, range_m: camera.reach_m(), cos_half_angle, sin_half_angle }
+        Self { half_angle, range_m, cos_half_angle, sin_half_angle }
     }
 
     /// Whether a camera that looks along `axis` has in view what lies in direction `toward` (unit vectors).
@@ -52,7 +53,7 @@ impl Sight {
 
 impl Default for Sight {
     fn default() -> Self {
-        Self::of(&CameraInfo::default())
+        Self::of(&CameraInfo::default(), 0.0)
     }
 }
 
@@ -64,12 +65,18 @@ mod tests {
     fn a_wide_camera_covers_what_a_narrow_one_does_not() {
         let camera = |degrees: f64| {
             let fov = degrees.to_radians();
-            Sight::of(&CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 4.0 })
+            Sight::of(&CameraInfo { fov_x: fov, fov_y: fov, range_m: 4.0, ..CameraInfo::default() }, 0.1)
         };
         let (axis, aside) = (Vector3::x(), Vector3::new(1.0, 0.5, 0.0).normalize());
         assert!(camera(75.0).covers(&axis, &aside) && !camera(40.0).covers(&axis, &aside));
         assert!(camera(40.0).covers(&axis, &axis) && Sight::default().covers(&axis, &axis));
         assert!((camera(75.0).half_angle.to_degrees() - 35.0).abs() < 1e-9);
         assert_eq!((camera(75.0).range_m, Sight::default().range_m), (4.0, f64::INFINITY));
+    }
+
+    #[test]
+    fn what_errs_by_more_than_a_voxel_is_out_of_sight() {
+        let camera = CameraInfo { range_m: 4.0, inverse_depth_sigma: 0.1, ..CameraInfo::default() };
+        assert_eq!([0.1, 0.4, 10.0].map(|resolution| Sight::of(&camera, resolution).range_m), [1.0, 2.0, 4.0]);
     }
 }

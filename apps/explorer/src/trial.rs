@@ -72,7 +72,7 @@ impl Room {
 /// What the camera of most missions sees.
 fn sight() -> Sight {
     let fov = 75f64.to_radians();
-    Sight::of(&CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 30.0 })
+    Sight::of(&CameraInfo { fov_x: fov, fov_y: fov, range_m: 30.0, ..CameraInfo::default() }, EDGE_M)
 }
 
 fn grid(size: [f64; 3]) -> OccupancyGrid {

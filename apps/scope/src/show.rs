@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(
             value_for_people(value),
             "id: 1, command: 1, pose: {rotation: [0, 0, 0, 1], translation: [1, 2, 0.5]}, \
-             camera: {columns: 100, rows: 100, fov_x: 1.309, fov_y: 1.309, range_m: 5}, measured: 1, no_return: [[0, 0, 1]], points: [[0.1, -0.2, 3]]"
+             camera: {columns: 100, rows: 100, fov_x: 1.309, fov_y: 1.309, range_m: 5, inverse_depth_sigma: 0}, measured: 1, no_return: [[0, 0, 1]], points: [[0.1, -0.2, 3]]"
         );
         assert_eq!(value_for_programs(value)["points"][0][1], -0.2);
         let many = json!({"id": 1, "command": 1, "pose": {"rotation": [0, 0, 0, 1], "translation": [0, 0, 0]},

@@ -25,7 +25,7 @@ impl Camera {
     pub fn info(&self, range_m: f64) -> CameraInfo {
         let angle = |pixels: u32| 2.0 * (f64::from(pixels) / 2.0 / self.focal_px).atan();
         let (fov_x, fov_y) = (angle(self.width), angle(self.height));
-        CameraInfo { columns: self.width, rows: self.height, fov_x, fov_y, range_m }
+        CameraInfo { columns: self.width, rows: self.height, fov_x, fov_y, range_m, inverse_depth_sigma: 0.0 }
     }
 
     /// The pixels' centres (px), row by row.

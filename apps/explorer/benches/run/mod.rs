@@ -168,7 +168,7 @@ impl Run {
         });
         record.time("plan: frontier", step, || explorer.hear_of_map(grid, changes.voxels()));
         explorer.hear_of_rays(self.no_return);
-        explorer.hear_of_camera(&scan.camera);
+        explorer.hear_of_camera(&scan.camera, grid.resolution());
         let camera = CameraPose { command: robot.command(), pose: robot.pose() };
         record.time("controller", step, || {
             let mut said = follower.on_camera_pose(&camera).expect("it did as it was told");

@@ -34,7 +34,7 @@ fn scan(grid: &mut OccupancyGrid, pose: &Pose) -> Vec<Voxel> {
 /// The camera of that sensor.
 fn camera() -> CameraInfo {
     let fov = 2.0 * 50f64.atan2(65.0);
-    CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 8.0 }
+    CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 8.0, inverse_depth_sigma: 0.0 }
 }
 
 /// The same in any world, and the rays that met nothing: they say nothing.
@@ -84,7 +84,7 @@ fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
 
 /// The same, with another explorer from the plan on for which `successor` has one; all begin with nothing but memory.
 fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) -> Run {
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid| {
         let changed = scan(grid, pose);
@@ -104,7 +104,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
         if let Some(mut next) = successor(id) {
             next.hear_of_past(past.clone());
             next.succeed(&memory);
-            next.hear_of_camera(&camera());
+            next.hear_of_camera(&camera(), RESOLUTION);
             next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
             explorer = next;
         }
@@ -208,7 +208,7 @@ fn small_clusters_are_left_alone_and_counted() {
 fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
     let mut targets = BTreeSet::new();
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::x());
     let changed = scan(&mut grid, &pose);
@@ -237,7 +237,7 @@ fn is_wall(v: Voxel) -> bool {
 fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
     let settings = Settings { max_scans: 600, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let mut rays = 0;
     let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid| {
@@ -357,7 +357,7 @@ pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
 fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
     let patient = Settings { patience: u64::MAX, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), patient);
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     let changed = scan(&mut grid, &start);
@@ -444,7 +444,7 @@ impl Strategy for Counting {
 #[test]
 fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
     let mut explorer = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     // A robot that stands in a goal looks first, whatever its strategy.
@@ -507,7 +507,7 @@ fn what_was_hidden_once_is_looked_at_before_what_is_farther_away() {
     let pose = Pose::looking(Voxel::new(5, 4, 4).center(RESOLUTION), Vector3::x());
     let request = PlanRequest { id: 1, pose, revision: grid.revision(), outcome: Outcome::First };
     let target = |explorer: &mut Explorer| {
-        explorer.hear_of_camera(&camera());
+        explorer.hear_of_camera(&camera(), RESOLUTION);
         explorer.hear_of_map(&grid, &changed);
         let plan = explorer.plan(&grid, &request);
         let Decision::Go(path) = &plan.decision else { panic!("{plan:?}") };
@@ -528,7 +528,7 @@ fn what_was_hidden_once_is_looked_at_before_what_is_farther_away() {
 #[test]
 fn a_refused_step_is_not_planned_again_by_a_successor_either() {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     let changed = scan(&mut grid, &pose);
@@ -552,7 +552,7 @@ fn a_refused_step_is_not_planned_again_by_a_successor_either() {
         let mut next = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
         next.hear_of_past(past.clone());
         next.succeed(&explorer.memory(&plan).0);
-        next.hear_of_camera(&camera());
+        next.hear_of_camera(&camera(), RESOLUTION);
         next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
         explorer = next;
     }
@@ -562,7 +562,7 @@ fn a_refused_step_is_not_planned_again_by_a_successor_either() {
 #[test]
 fn who_is_shut_in_has_not_explored() {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
-    explorer.hear_of_camera(&camera());
+    explorer.hear_of_camera(&camera(), RESOLUTION);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let here = Voxel::new(5, 5, 5);
     let cells = (0..11).flat_map(|x| (0..11).flat_map(move |y| (0..11).map(move |z| Voxel::new(x, y, z))));

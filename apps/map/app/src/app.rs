@@ -8,7 +8,7 @@ use elk_bus::{App, AppError, Comms, Handlers, Key, Mail, Rejection, Subscribe, t
 use elk_geometry::Bounds;
 use elk_geometry::delta::Delta;
 use elk_geometry::limits::RESOLUTIONS_M;
-use elk_map::{Dropped, Grazing, Insertion, Integration, MapConfig, OccupancyMap};
+use elk_map::{DepthError, Dropped, Grazing, Insertion, Integration, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params, PreflightReport};
 
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
@@ -75,6 +75,12 @@ const PARAMS: &[ParamSpec] = &[
         default: Some("Rays"),
         doc: "Which rays are walked: one to every point (Rays), or one to the middle of every voxel that points lie in \
               (EndVoxels: faster where many share a voxel; what only other rays pass is not freed).",
+    },
+    ParamSpec {
+        name: "DepthError",
+        kind: Kind::Choice(&["scan", "none"]),
+        default: Some("scan"),
+        doc: "What is believed of depth: the error that the scan's camera says of itself (scan), or that it is exact (none).",
     },
     number(
         "Advance",
@@ -175,6 +181,8 @@ struct MapApp {
     map: OccupancyMap,
     /// The saved map to begin with.
     from: Option<PathBuf>,
+    /// Whether depth is taken as exact, whatever scans say of its error.
+    is_exact: bool,
     input: Key<Scan<'static>>,
     file: Option<PathBuf>,
     last_scan: u64,
@@ -206,6 +214,7 @@ impl MapApp {
         Ok(Self {
             map: OccupancyMap::new(config(params)?).map_err(|error| error.to_string())?,
             from: (from != NOTHING).then(|| from.into()),
+            is_exact: params.text("DepthError") == "none",
             input: Key::named(params.text("Input")),
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,
@@ -419,14 +428,24 @@ impl MapApp {
         }
         (self.last_scan, self.camera) = (scan.id, scan.camera);
         let start = thread_cpu_secs();
-        let origin = scan.pose.position();
-        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.camera.range_m);
+        let seen = self.take_in(scan);
         self.cpu_secs += thread_cpu_secs() - start;
         self.say_what_was_left_out(comms.name(), scan, &seen);
         self.tally(scan, &seen);
         let delta = self.map.advance(&seen.changed);
         let delta = if std::mem::take(&mut self.next_is_whole) { self.map.grid().whole() } else { delta };
         self.publish_update(comms, delta)
+    }
+
+    fn take_in(&mut self, scan: &Scan<'_>) -> Insertion {
+        let (origin, range) = (scan.pose.position(), scan.camera.range_m);
+        let (points, no_return) = (scan.world_points(), scan.world_no_return());
+        let inverse_depth_sigma = scan.camera.inverse_depth_sigma;
+        if self.is_exact || inverse_depth_sigma == 0.0 {
+            return self.map.insert_with(origin, points, no_return, range);
+        }
+        let error = DepthError { inverse_depth_sigma, axis: scan.pose.forward() };
+        self.map.insert_uncertain(origin, points, (no_return, range), &error)
     }
 
     fn publish_update(&self, comms: &mut Comms, delta: Delta<'_>) -> Result<(), AppError> {

@@ -5,16 +5,26 @@ use nalgebra::Point3;
 use crate::camera::Camera;
 use elk_geometry::random::Random;
 
+/// Focal length of the thesis' stereo images (px): 512 px of a Bumblebee2 that sees 66° (thesis 3.1.2.3; 512 × 384 px, 5.8.1.1).
+pub const STEREO_FOCAL_PX: f64 = 394.2;
+
 /// A stereo camera's matching error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StereoNoise {
-    /// Standard deviation of the matched position in the left image, along u and along v (px).
+    /// Standard deviation of the matched position in the left image, along u and along v (px of the stereo camera).
     pub sigma_px: f64,
+    /// Focal length of the stereo camera (px): what a pixel is.
+    pub focal_px: f64,
     /// Distance between the two cameras (m). The error in depth grows with depth² · σ / (focal length · baseline).
     pub baseline_m: f64,
 }
 
 impl StereoNoise {
+    /// Standard deviation of inverse depth (1/m).
+    pub fn inverse_depth_sigma(&self) -> f64 {
+        self.sigma_px / (self.focal_px * self.baseline_m)
+    }
+
     /// The point (m, camera frame) that triangulation makes of what is seen at (u, v) (px) at `depth` (m).
     ///
     /// The left position moves by N(0, σ²) along both axes; the right one, `f·B/depth` to its left, stays. So the
@@ -23,9 +33,10 @@ impl StereoNoise {
     pub fn measure(&self, camera: &Camera, (u, v): (f64, f64), depth: f64, random: &mut Random) -> Option<Point3<f64>> {
         let (du, dv) = random.normal_pair();
         let (du, dv) = (self.sigma_px * du, self.sigma_px * dv);
-        let scale = camera.focal_px * self.baseline_m;
+        let scale = self.focal_px * self.baseline_m;
         let disparity = scale / depth + du;
-        (disparity > 0.0).then(|| camera.point(u + du, v + dv, scale / disparity))
+        let pixel = camera.focal_px / self.focal_px;
+        (disparity > 0.0).then(|| camera.point(u + du * pixel, v + dv * pixel, scale / disparity))
     }
 }
 
@@ -33,10 +44,11 @@ impl StereoNoise {
 mod tests {
     use super::*;
 
-    const STEREO: StereoNoise = StereoNoise { sigma_px: 0.5, baseline_m: 0.12 };
+    /// Of the camera's own pixels.
+    const STEREO: StereoNoise = StereoNoise { sigma_px: 0.5, focal_px: 417.03, baseline_m: 0.12 };
 
     fn camera() -> Camera {
-        Camera::new(640, 480, 75_f64.to_radians())
+        Camera { width: 640, height: 480, focal_px: STEREO.focal_px }
     }
 
     fn depths(depth: f64, count: usize) -> Vec<f64> {
@@ -59,9 +71,23 @@ mod tests {
         assert_eq!(errors.len(), n, "25 px of disparity never vanish at half a pixel of noise");
         let mean = errors.iter().sum::<f64>() / n as f64;
         let variance = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n as f64;
+        assert!((STEREO.inverse_depth_sigma() * scale - 0.5).abs() < 1e-12, "and it is what scans say of it");
         let standard_error = 0.5 / (n as f64).sqrt();
         assert!(mean.abs() < 5.0 * standard_error);
         assert!((variance.sqrt() - 0.5).abs() < 5.0 * standard_error);
+    }
+
+    /// The same matching error, of finer pixels, is a smaller one along the ray and beside it.
+    #[test]
+    fn a_pixel_is_the_stereo_cameras() {
+        let camera = camera();
+        let measure = |focal_px: f64| {
+            let noise = StereoNoise { focal_px, ..STEREO };
+            let point = noise.measure(&camera, (100.5, 50.5), 2.0, &mut Random::new(3, 1)).unwrap();
+            (1.0 / point.z - 0.5, (point - camera.point(100.5, 50.5, point.z)) / point.z)
+        };
+        let ((coarse, aside), (fine, less)) = (measure(417.03), measure(4.0 * 417.03));
+        assert!((coarse / fine - 4.0).abs() < 1e-9 && (aside.norm() / less.norm() - 4.0).abs() < 1e-9);
     }
 
     #[test]

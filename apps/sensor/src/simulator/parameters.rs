@@ -3,7 +3,7 @@
 use elk_bus::AppError;
 use elk_mission::{Kind, ParamSpec, Params};
 
-use super::noise::StereoNoise;
+use super::noise::{STEREO_FOCAL_PX, StereoNoise};
 use super::source::{Settings, Simulator};
 use crate::parameters::param;
 use crate::surroundings::{FOV, body, camera, check_pixels, range, seed};
@@ -28,6 +28,12 @@ pub(super) const PARAMS: &[ParamSpec] = &[
         "Standard deviation of the matched pixel position before triangulation; 0: exact depth.",
     ),
     param(
+        "NoisePixel",
+        Kind::Choice(&["sensor", "stereo"]),
+        "sensor",
+        "Whose pixels NoiseSigma counts: those of this depth image, or those of the thesis' stereo images (512 px over 66 deg).",
+    ),
+    param(
         "NoiseBaseline",
         Kind::Number { unit: "m", min: 0.001, max: 10.0 },
         "0.12",
@@ -42,11 +48,11 @@ pub(super) fn simulator(params: &Params) -> Result<Simulator, AppError> {
 }
 
 fn settings(params: &Params) -> Settings {
-    let noise = StereoNoise { sigma_px: params.number("NoiseSigma"), baseline_m: params.number("NoiseBaseline") };
-    Settings {
-        camera: camera(params),
-        noise: (noise.sigma_px > 0.0).then_some(noise),
-        seed: seed(params),
-        range: range(params),
-    }
+    let camera = camera(params);
+    let noise = StereoNoise {
+        sigma_px: params.number("NoiseSigma"),
+        focal_px: if params.text("NoisePixel") == "stereo" { STEREO_FOCAL_PX } else { camera.focal_px },
+        baseline_m: params.number("NoiseBaseline"),
+    };
+    Settings { camera, noise: (noise.sigma_px > 0.0).then_some(noise), seed: seed(params), range: range(params) }
 }

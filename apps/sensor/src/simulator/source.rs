@@ -55,7 +55,9 @@ impl Simulator {
 
 impl DepthSource for Simulator {
     fn camera(&self) -> CameraInfo {
-        self.settings.camera.info(self.settings.range.unwrap_or(0.0))
+        let Settings { camera, noise, range, .. } = &self.settings;
+        let inverse_depth_sigma = noise.map_or(0.0, |noise| noise.inverse_depth_sigma());
+        CameraInfo { inverse_depth_sigma, ..camera.info(range.unwrap_or(0.0)) }
     }
 
     fn start(&self) -> Pose {

@@ -82,7 +82,7 @@ proptest! {
         let mut frontier = FrontierSet::new(None);
         frontier.update(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
         let fov = fov.to_radians();
-        let sight = Sight::of(&CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m });
+        let sight = Sight::of(&CameraInfo { fov_x: fov, fov_y: fov, range_m, ..CameraInfo::default() }, 0.1);
         let known = Known { grid: &grid, frontier: &frontier, sight };
         let robot = grid.bricks().voxels().find(|(voxel, _)| grid.state(*voxel) == State::Free).expect("some are free").0;
         let clearance = Clearance::new(0.0, 0.1).unwrap();
