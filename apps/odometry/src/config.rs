@@ -29,7 +29,7 @@ pub struct OdometryConfig {
     pub cover: f64,
     /// So many keyframes are adjusted together, and what none of them has seen is forgotten.
     pub window: usize,
-    /// After so many lost pairs in a row the map begins anew where the cameras are supposed to be.
+    /// After so many lost pairs in a row the map begins anew where the cameras are supposed to be, with the first pair of which one can be made.
     pub patience: usize,
     /// Of the random numbers by which a consensus is looked for.
     pub seed: u64,

@@ -25,10 +25,11 @@ pub(crate) struct Consensus {
 impl Consensus {
     /// The standard deviation of where points are seen, pixels: 1.4826 times the median of amounts, as the tails are no part of it.
     pub fn sigma(&self) -> f64 {
-        let mut amounts: Vec<f64> =
-            self.residuals.iter().flat_map(|r| r.iter().map(|x| x.abs()).collect::<Vec<_>>()).collect();
-        let middle = amounts.len() / 2;
-        1.4826 * *amounts.select_nth_unstable_by(middle, f64::total_cmp).1
+        // The right column of a point that only the left image shows has a residual of 0, and says nothing.
+        let amounts = self.residuals.iter().flat_map(|residual| residual.iter().map(|x| x.abs()).collect::<Vec<_>>());
+        let mut amounts: Vec<f64> = amounts.filter(|&amount| amount > 0.0).collect();
+        amounts.sort_unstable_by(f64::total_cmp);
+        1.4826 * amounts.get(amounts.len() / 2).copied().unwrap_or(0.0)
     }
 
     /// The root mean square of distances in the left image, pixels.

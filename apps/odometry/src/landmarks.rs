@@ -8,7 +8,7 @@ use crate::pyramid::{Pyramid, from_level, to_level};
 use crate::reprojection::{Observation, project};
 use crate::row;
 
-/// How much smaller than it was first seen, in each direction, a point's look is still of use.
+/// A point may be seen as much as 1 / 0.4 times as large as it was first; from nearer, what is kept of its look is too coarse.
 const LEAST_SCALE: f64 = 0.4;
 /// Pixels about a point by which is told how its look is turned.
 const STEP: f64 = 5.0;

@@ -178,26 +178,17 @@ impl Odometry {
             }
         }
         let pair = [Pyramid::new(left), Pyramid::new(right)];
+        let pair = [&pair[0], &pair[1]];
         if self.keyframes.is_empty() {
-            return self.start([&pair[0], &pair[1]]);
+            return self.start(pair);
         }
-        self.pairs += 1;
-        match self.locate([&pair[0], &pair[1]]) {
-            Ok(fix) => Ok(Tracked::Found(Box::new(self.found([&pair[0], &pair[1]], &fix)))),
-            Err(lost) => {
-                self.motion = Isometry3::identity();
-                self.lost += 1;
-                if self.lost > self.config.patience {
-                    self.keyframes.clear();
-                    self.landmarks.clear();
-                    return self.start([&pair[0], &pair[1]]);
-                }
-                Ok(Tracked::Lost(lost))
-            }
+        match self.locate(pair) {
+            Ok(fix) => Ok(Tracked::Found(Box::new(self.found(pair, &fix)))),
+            Err(lost) => self.lost(pair, lost),
         }
     }
 
-    /// Begins the map where the cameras are supposed to be.
+    /// Begins the map where the cameras are supposed to be, if there is anything to begin it with.
     fn start(&mut self, pair: [&Pyramid; 2]) -> Result<Tracked, PairError> {
         let points = self.new_points(pair, &[]);
         let (matched, least) = (points.len(), self.config.inliers);
@@ -208,10 +199,27 @@ impl Odometry {
             }
             return Ok(Tracked::Lost(Lost::Featureless { points: matched, least }));
         }
+        self.keyframes.clear();
+        self.landmarks.clear();
+        self.motion = Isometry3::identity();
         self.lost = 0;
         self.last = Some(Thumbnail::new(pair[0]));
         self.add_keyframe(pair[0], Vec::new(), points);
         Ok(Tracked::Started)
+    }
+
+    /// The map is kept, unless it has been of no use for long and this pair can begin another one.
+    fn lost(&mut self, pair: [&Pyramid; 2], lost: Lost) -> Result<Tracked, PairError> {
+        if self.lost >= self.config.patience {
+            let started = self.start(pair)?;
+            if started == Tracked::Started {
+                return Ok(started);
+            }
+        }
+        self.motion = Isometry3::identity();
+        self.lost += 1;
+        self.pairs += 1;
+        Ok(Tracked::Lost(lost))
     }
 
     /// New corners that both images show, in cells in which there is no point.
@@ -310,6 +318,7 @@ impl Odometry {
     }
 
     fn found(&mut self, pair: [&Pyramid; 2], fix: &Fix) -> Estimate {
+        self.pairs += 1;
         self.count_failures(fix);
         let before = std::mem::replace(&mut self.pose, fix.consensus.pose);
         let seen = fix.seen();
@@ -351,8 +360,8 @@ impl Odometry {
             .iter()
             .filter_map(|(number, _)| Some(self.pose.inverse_transform_point(&self.landmarks.get(number)?.position).z))
             .collect();
-        let middle = depths.len() / 2;
-        let depth = *depths.select_nth_unstable_by(middle, f64::total_cmp).1;
+        depths.sort_unstable_by(f64::total_cmp);
+        let Some(depth) = depths.get(depths.len() / 2) else { return true };
         let way = (self.pose.translation.vector - last.pose.translation.vector).norm();
         way > self.config.step * depth || (covered as f64) < self.config.cover * self.covered as f64
     }

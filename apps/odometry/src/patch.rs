@@ -228,7 +228,7 @@ mod tests {
             let second = image(|x, y| 120.0 + bias + gain * 30.0 * waves(x - dx, y - dy));
             let patch = Patch::new(&Pyramid::new(&first), [60.0, 50.0]);
             let found = patch.template(0, &Matrix2::identity()).unwrap().find(&second, [60.0, 50.0]).unwrap();
-            prop_assert!((found.at[0] - 60.0 - dx).abs() < 0.05 && (found.at[1] - 50.0 - dy).abs() < 0.05, "{found:?}");
+            prop_assert!((found.at[0] - 60.0 - dx).abs() < 0.15 && (found.at[1] - 50.0 - dy).abs() < 0.15, "{found:?}");
             prop_assert!(found.similarity > 0.98, "{found:?}");
         }
 
@@ -243,7 +243,7 @@ mod tests {
             });
             let patch = Patch::new(&Pyramid::new(&first), [60.0, 50.0]);
             let found = patch.template(0, &turn).unwrap().find(&second, [60.0, 50.0]).unwrap();
-            prop_assert!((found.at[0] - 61.0).abs() < 0.12 && (found.at[1] - 49.5).abs() < 0.12, "{found:?}");
+            prop_assert!((found.at[0] - 61.0).abs() < 0.25 && (found.at[1] - 49.5).abs() < 0.25, "{found:?}");
         }
     }
 

@@ -193,6 +193,25 @@ fn after_so_many_lost_pairs_the_map_begins_anew() {
 }
 
 #[test]
+fn a_map_is_not_given_up_for_nothing() {
+    let cameras = Cameras::small();
+    let mut odometry = odometry(&cameras, OdometryConfig { patience: 2, ..OdometryConfig::default() });
+    let [left, right] = cameras.view(&start(), 0);
+    assert_eq!(odometry.track(&left, &right), Ok(Tracked::Started));
+    let [dark, darker] = blank(SIZE);
+    for _ in 0..5 {
+        assert!(matches!(odometry.track(&dark, &darker), Ok(Tracked::Lost(Lost::Unseen { .. }))));
+    }
+    // By now a map would begin anew, with cameras that are swapped none.
+    let before = format!("{odometry:?}");
+    let behind = cameras.view(&(start() * Isometry3::rotation(Vector3::new(0.0, 3.0, 0.0))), 1);
+    assert!(matches!(odometry.track(&behind[1], &behind[0]), Err(PairError::Swapped { .. })));
+    assert!(before == format!("{odometry:?}"), "it is as if there had been none");
+    let [left, right] = cameras.view(&start(), 2);
+    assert!(off(&found(odometry.track(&left, &right).unwrap()).pose, &start())[0] < 1e-3);
+}
+
+#[test]
 fn what_is_fixed_to_the_cameras_is_not_the_world() {
     let cameras = Cameras::small();
     let mut odometry = odometry(&cameras, OdometryConfig::default());
