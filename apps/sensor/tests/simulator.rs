@@ -36,7 +36,7 @@ fn go(robot: &mut Robot, id: u64, pose: Pose) -> (Travel, Scan<'static>) {
 }
 
 fn go_by(robot: &mut Robot, id: u64, via: Vec<Point3<f64>>, pose: Pose) -> (Travel, Scan<'static>) {
-    (robot.go(&PoseCommand { id, via, pose }), robot.scan(0.0).unwrap())
+    (robot.go(&PoseCommand { id, via, pose }).0, robot.scan(0.0).unwrap())
 }
 
 /// Distance to the walls of the empty part of the room along a ray.
