@@ -18,16 +18,13 @@ pub const COMMON: &[ParamSpec] = &[
     param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
 ];
 
-/// How a recorded sensor's poses are estimated by scan matching.
-pub(crate) const ICP: &str = "ICP";
-
 /// The parameters that all recorded sensors have.
 pub const RECORDED: &[ParamSpec] = &[
     OUTPUT,
     POSE,
     param(
         "PoseEstimator",
-        Kind::Choice(&["none", ICP]),
+        Kind::Choice(&["none", "ICP"]),
         "none",
         "How poses are estimated; none: they are the recorded ones; ICP: from the scans alone, which are matched; the first is the recorded one.",
     ),
@@ -44,6 +41,11 @@ pub const RECORDED: &[ParamSpec] = &[
         "Frames a second, of a recording that does not say its times.",
     ),
 ];
+
+/// Whether a recorded sensor's poses are estimated by matching its scans.
+pub(crate) fn matches_scans(params: &Params) -> bool {
+    params.text("PoseEstimator") == "ICP"
+}
 
 /// How many frames are played; none: all.
 pub(crate) fn frames(params: &Params) -> Option<u64> {

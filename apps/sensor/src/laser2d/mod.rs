@@ -8,7 +8,7 @@ use elk_bus::AppError;
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 
 use crate::app::recorded;
-use crate::parameters::{ICP, RECORDED, frames, param};
+use crate::parameters::{RECORDED, frames, matches_scans, param};
 use crate::recording::{IcpSettings, Player, PoseEstimator};
 
 const PARAMS: &[ParamSpec] = &[
@@ -55,9 +55,9 @@ fn player(params: &Params) -> Result<Player, AppError> {
         frame_rate: params.number("FrameRate"),
     };
     let icp = IcpSettings { voxel: params.number("IcpVoxel"), step: 0.3, turn: 0.3, window: 30 };
-    let estimator = match params.text("PoseEstimator") {
-        ICP => PoseEstimator::plane(&icp, settings.height)?,
-        _ => PoseEstimator::Recorded,
+    let estimator = match matches_scans(params) {
+        true => PoseEstimator::plane(&icp, settings.height)?,
+        false => PoseEstimator::Recorded,
     };
     let log = Laser2d::open(params.text("Recording").as_ref(), settings)?;
     Ok(Player::new(Box::new(log), estimator, frames(params)))

@@ -18,7 +18,7 @@ use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use elk_registration::DepthCamera;
 
 use crate::app::recorded;
-use crate::parameters::{ICP, RECORDED, frames, param};
+use crate::parameters::{RECORDED, frames, matches_scans, param};
 use crate::recording::{IcpSettings, Player, PoseEstimator};
 
 const PIXELS: Kind = Kind::Number { unit: "px", min: 0.0, max: 100_000.0 };
@@ -85,14 +85,14 @@ fn player(params: &Params) -> Result<Player, AppError> {
         stride: params.integer("Stride") as usize,
         frame_rate: params.number("FrameRate"),
     };
-    let estimator = match params.text("PoseEstimator") {
-        ICP => PoseEstimator::space(&IcpSettings {
+    let estimator = match matches_scans(params) {
+        true => PoseEstimator::space(&IcpSettings {
             voxel: params.number("IcpVoxel"),
             step: 0.05,
             turn: 0.05,
             window: 100,
         })?,
-        _ => PoseEstimator::Recorded,
+        false => PoseEstimator::Recorded,
     };
     let recording = Rgbd::open(params.text("Recording").as_ref(), settings)?;
     Ok(Player::new(Box::new(recording), estimator, frames(params)))
