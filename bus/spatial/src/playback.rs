@@ -9,6 +9,7 @@ use crate::checks;
 /// the next frame of which there is a scan; frames that are none, and frames of which nobody knows where they were taken, are
 /// passed over and counted.
 #[payload]
+#[describe(check = playback)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Playback {
     /// The last pose command carried out.
@@ -60,7 +61,7 @@ pub struct PoseEstimate {
     /// Covariance of the estimate, row by row: of a step of the position along the world's axes and a turn about them (m, rad; 6 × 6),
     /// or of x, y and the heading (3 × 3). It is that of the noise of independent points, the least that there is. Empty: there is no
     /// pose, it is the first, which was given, or there are directions of which the scan says nothing.
-    #[describe(longest = 36)]
+    #[describe(longest = 36, check = covariance)]
     pub covariance: Vec<f64>,
     /// The share of the scan that is on surfaces seen before (0 to 1).
     #[describe(range = 0.0..=1.0)]
@@ -68,4 +69,16 @@ pub struct PoseEstimate {
     /// Why there is no pose; empty: there is one.
     #[describe(check = checks::text)]
     pub lost: String,
+}
+
+fn playback(playback: &Playback) -> checks::Checked {
+    let numbers = [("next_secs", playback.next_secs), ("off_m", playback.off_m)];
+    numbers.iter().filter_map(|(name, number)| Some((name, (*number)?))).try_for_each(|(name, number)| {
+        checks::holds(name, checks::SUMS.contains(&number), number, "a number of 0 to 1e12")
+    })
+}
+
+fn covariance(numbers: &[f64]) -> checks::Checked {
+    let odd = numbers.iter().find(|number| !checks::SUMS.contains(&number.abs()));
+    odd.map_or(Ok(()), |odd| checks::holds("", false, odd, "numbers of -1e12 to 1e12"))
 }
