@@ -82,8 +82,7 @@ fn what_a_mission_says_to_moos_apps_is_where_they_find_it() {
     elk.wait_until_deserted();
     let file = elk.folder().join("small.xml");
     std::fs::write(&file, small("auto", &more)).unwrap();
-    let launch = ["launch", file.to_str().unwrap(), "--in-process", "--headless", "--community", elk.community()];
-    let said = elk.refused(&launch);
+    let said = elk.refused(&["launch", file.to_str().unwrap(), "--in-process", "--headless"]);
     assert!(said.contains("<Bus moos>, or MOOSHost and MOOSPort, let clients of MOOS' in"), "{said}");
 }
 

@@ -18,7 +18,7 @@ use crate::error::LaunchError;
 use crate::process::escaped::RunId;
 
 /// Counts up when the words change.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// What it is called in the community's folder.
 const KEPT: &str = "launch-state";
 /// How long the broker may take to say the variable's value.

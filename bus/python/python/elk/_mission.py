@@ -41,12 +41,13 @@ def _failure(said: str, errors: str) -> Error:
 
 
 class Run:
-    """A run of a mission that is over."""
+    """A run of a mission that is over.
+
+    `folder` is what it left: its log, its map, a picture, the mission as it ran. `summary` is what it came to, as `summary.json`
+    has it: `complete`, `reason`, `scans`, `path_length_m` (m), `contacts`, `seconds` (s), …"""
 
     def __init__(self, folder: PathLike) -> None:
-        #: What it left: its log, its map, a picture, the mission as it ran.
         self.folder: Path = Path(folder)
-        #: What it came to, as `summary.json` has it: `complete`, `reason`, `scans`, `path_length_m` (m), `contacts`, `seconds` (s), …
         self.summary: Dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
 
     @property
@@ -64,20 +65,18 @@ class Run:
 
 
 class Mission:
-    """A mission: its file, the name of a built-in one, or the folder of a run that is to be had again.
+    """A mission: `mission` is its file, the name of a built-in one, or the folder of a run that is to be had again.
 
         mission = elk.Mission("car", {"Explorer.type": "Tour", "Map.Res": 0.2})
         run = mission.launch()
         print(run.summary["path_length_m"], run.log.table("PROGRESS"))
 
-    Parameters are said as on a command line, `App.Param`, with their units where they have some (`elk types`): `type`, `exec` and
-    `pipe` say what runs. Relative files are looked for from the working directory. It is the program `elk` that does it: `$ELK`, or
-    the one in PATH."""
+    `parameters` are said otherwise than there, as on a command line, `App.Param`, with their units where they have some
+    (`elk types`): `type`, `exec` and `pipe` say what runs. Relative files are looked for from the working directory. It is the
+    program `elk` that does it: `$ELK`, or the one in PATH."""
 
     def __init__(self, mission: PathLike, parameters: Optional[Mapping[str, Any]] = None) -> None:
-        #: The mission, as it was named.
         self.mission: str = os.fspath(mission)
-        #: What is said otherwise than there: `App.Param` and its value.
         self.parameters: Dict[str, Any] = dict(parameters or {})
 
     def set(self, parameter: str, value: Any) -> "Mission":
