@@ -157,7 +157,8 @@ fn a_way_with_corners_is_judged_segment_by_segment() {
 
 #[test]
 fn noise_belongs_to_the_scan_and_not_to_its_history() {
-    let noise = Some(StereoNoise { sigma_px: 1.0, baseline_m: 0.12 });
+    let focal_px = Settings::default().camera.focal_px;
+    let noise = Some(StereoNoise { sigma_px: 1.0, focal_px, baseline_m: 0.12 });
     let settings = |seed| Settings { noise, seed, ..Settings::default() };
     let third = |seed, way: [f64; 2]| {
         let mut s = robot(settings(seed));

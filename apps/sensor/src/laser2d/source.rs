@@ -94,7 +94,8 @@ impl Laser2d {
         };
         let range_m = f64::from(settings.range);
         let columns = first.ranges.len() as u32;
-        let camera = CameraInfo { columns, rows: 1, fov_x: std::f64::consts::PI, fov_y: 0.0, range_m };
+        let camera =
+            CameraInfo { columns, rows: 1, fov_x: std::f64::consts::PI, fov_y: 0.0, range_m, inverse_depth_sigma: 0.0 };
         let (start, time) = (in_space(&first.pose, settings.height), first.time);
         ahead.push_back(Ok(first));
         Ok(Self { settings, reader, ahead, name, camera, start, first: time, taken: 0 })

@@ -95,7 +95,8 @@ impl Recording for Rgbd {
         // An image has at most as many pixels as a scan has points.
         let pixels = |axis: usize| self.size[axis].div_ceil(self.settings.stride) as u32;
         let [fov_x, fov_y] = [0, 1].map(angle);
-        CameraInfo { columns: pixels(0), rows: pixels(1), fov_x, fov_y, range_m: f64::from(range[1]) }
+        let range_m = f64::from(range[1]);
+        CameraInfo { columns: pixels(0), rows: pixels(1), fov_x, fov_y, range_m, inverse_depth_sigma: 0.0 }
     }
 
     fn next_secs(&self) -> Option<f64> {
