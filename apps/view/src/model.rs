@@ -11,7 +11,9 @@ use axum::extract::ws::{Message, Utf8Bytes};
 use elk_bus::drawing::{Declared, Keyboard, variables};
 use elk_bus::{Key, Payload, ValueRef};
 use elk_geometry::Pose;
-use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_PART, MAP_UPDATE, MOTION, PLAN, PROGRESS, camera_pose};
+use elk_spatial::keys::{
+    EXPLORATION_REPORT, MAP, MAP_PART, MAP_UPDATE, MOTION, MOTION_REPORT, PLAN, PLAYBACK, PROGRESS, camera_pose,
+};
 use elk_spatial::messages::{CameraPose, Decision, Plan, Progress};
 use elk_spatial::{CameraInfo, Scan};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -34,8 +36,8 @@ const LONGEST_LIST: usize = 64;
 const EVENTS: &str = "DB_EVENT";
 /// What the broker says of who is there.
 const CLIENTS: &str = "DB_CLIENTS";
-/// What is said at a run's end.
-const REPORTS: [&str; 3] = ["EXPLORATION_REPORT", "MOTION_REPORT", "ACCURACY_REPORT"];
+/// What sums a run up.
+const REPORTS: [&str; 4] = ["EXPLORATION_REPORT", "MOTION_REPORT", "ACCURACY_REPORT", "PLAYBACK"];
 /// The first byte of a frame with a scan.
 const SCAN: u8 = 2;
 
@@ -213,7 +215,7 @@ impl Model {
                 let report = heard.value.to_json(LONGEST_LIST).map_err(|error| error.to_string())?;
                 self.reports.insert(key.to_lowercase(), report);
                 // What the sensor says of the map at the end comes before the explorer's own word or after it.
-                if self.reports.contains_key(&EXPLORATION_REPORT.name().to_lowercase()) {
+                if self.is_summed_up() {
                     self.tell(Fact::End, &json!({"type": "end", "summary": self.reports}));
                 }
             }
@@ -265,6 +267,12 @@ impl Model {
     /// When the run began (s).
     pub fn began(&mut self, time: f64) {
         self.began = Some(time);
+    }
+
+    /// Whether the explorer has said that it is done, or a recording, which nobody explores, was played to its end.
+    fn is_summed_up(&self) -> bool {
+        let is_there = |name: &str| self.reports.contains_key(&name.to_lowercase());
+        is_there(EXPLORATION_REPORT.name()) || is_there(PLAYBACK.name()) && is_there(MOTION_REPORT.name())
     }
 
     /// How long the run had gone on at `time` (s): all times that a page is told are counted so.
@@ -507,5 +515,23 @@ mod tests {
         assert_eq!(shown(vec![[0.0; 3]]), [[7.0, 8.0, 9.0]]);
         assert_eq!(shown(Vec::new()), [[0.0; 3]; 0]);
         assert_eq!(shown(vec![[1.0; 3]; 20_001]).len(), 6_667);
+    }
+
+    #[test]
+    fn a_recording_that_was_played_is_over_without_an_explorer() {
+        let mut model = Model::default();
+        let mut hear = |name: &str| {
+            let sample = elk_spatial::samples::named(name).unwrap();
+            let key = if name == "Playback" { "PLAYBACK" } else { "MOTION_REPORT" };
+            let value = ValueRef::Binary { type_: sample.type_, bytes: &sample.bytes() };
+            model.hear(&Heard { key, source: "somebody", time: 1.0, value });
+            model.facts.get(&Fact::End).map(|text| serde_json::from_str::<Value>(text).unwrap())
+        };
+        assert_eq!(hear("MotionReport"), None, "the explorer, if there is one, has not said that it is done");
+        let end = hear("Playback").unwrap();
+        assert_eq!(
+            end["summary"]["playback"]["frames"],
+            elk_spatial::samples::named("Playback").unwrap().value()["frames"]
+        );
     }
 }
