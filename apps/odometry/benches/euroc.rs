@@ -5,6 +5,8 @@
 //! opencv-python-headless`). Times are CPU times of one thread for the whole way from two images as cameras take them to a pose. The robot of
 //! this recording stands on the ground: what it shows is how little an odometry moves then; `--bench room` shows how right it is on its way.
 
+#[path = "../../../tests/common/alignment.rs"]
+mod alignment;
 #[path = "../../../tests/common/data.rs"]
 mod data;
 #[path = "common/opencv.rs"]

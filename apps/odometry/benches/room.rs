@@ -5,6 +5,8 @@
 //! opencv-python-headless`). Times are CPU times of one thread for the whole way from two images as cameras take them to a pose. `ELK_PAIRS`
 //! (160) are rendered.
 
+#[path = "../../../tests/common/alignment.rs"]
+mod alignment;
 #[path = "common/opencv.rs"]
 mod opencv;
 #[path = "../tests/scenes/mod.rs"]

@@ -3,6 +3,8 @@
 //! `ELK_DATA=… cargo bench -p elk-registration --bench rgbd`. The trajectory error is the root mean square of positions' differences, once as both ways
 //! begin at the same pose, once after the rigid motion that makes it least (Horn, JOSA A 1987; Sturm et al., IROS 2012).
 
+#[path = "../../../tests/common/alignment.rs"]
+mod alignment;
 #[path = "../../../tests/common/data.rs"]
 mod data;
 #[path = "common/pose.rs"]
@@ -12,8 +14,9 @@ mod stopwatch;
 
 use std::path::Path;
 
+use alignment::{alignment, rms};
 use elk_registration::{DepthCamera, IcpConfig, Resolution, Tracked, Tracker, TrackerConfig};
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3};
 use pose::pose;
 
 const CAMERA: DepthCamera =
@@ -34,29 +37,6 @@ fn png(path: &Path) -> (Vec<u16>, usize) {
 fn camera_pose(path: &Path) -> Isometry3<f64> {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     pose(text.split_whitespace())
-}
-
-/// The rigid motion that takes positions nearest to others.
-fn alignment(from: &[Isometry3<f64>], to: &[Isometry3<f64>]) -> Isometry3<f64> {
-    let mean = |poses: &[Isometry3<f64>]| {
-        poses.iter().map(|pose| pose.translation.vector).sum::<Vector3<f64>>() / poses.len() as f64
-    };
-    let (a, b) = (mean(from), mean(to));
-    let pairs = from.iter().zip(to);
-    let spread: Matrix3<f64> =
-        pairs.map(|(from, to)| (to.translation.vector - b) * (from.translation.vector - a).transpose()).sum();
-    let svd = spread.svd(true, true);
-    let (u, v_t) = (svd.u.unwrap(), svd.v_t.unwrap());
-    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = UnitQuaternion::from_matrix(&(u * mirror * v_t));
-    Isometry3::from_parts((b - rotation * a).into(), rotation)
-}
-
-fn rms(from: &[Isometry3<f64>], to: &[Isometry3<f64>], moved: &Isometry3<f64>) -> f64 {
-    let off = |(from, to): (&Isometry3<f64>, &Isometry3<f64>)| {
-        ((moved * from).translation.vector - to.translation.vector).norm_squared()
-    };
-    (from.iter().zip(to).map(off).sum::<f64>() / from.len() as f64).sqrt()
 }
 
 /// Where each frame is found, and how many are lost.

@@ -34,6 +34,8 @@ pub mod simulator;
 pub mod source;
 pub mod stereo_pair;
 pub mod surroundings;
+#[cfg(test)]
+mod test_png;
 mod types;
 
 pub use camera::Camera;

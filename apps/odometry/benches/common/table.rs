@@ -5,9 +5,10 @@ use elk_odometry::{Odometry, OdometryConfig, Tracked};
 use elk_stereo::{Image, Rectification, StereoCalibration};
 use nalgebra::Isometry3;
 
+use crate::alignment::{alignment, rms};
 use crate::opencv;
 use crate::stopwatch;
-use crate::trajectory::{alignment, relative, rms, way};
+use crate::trajectory::{relative, way};
 
 /// Pairs as the cameras take them, and where they were taken: the rectified left camera's frame → that of the truth.
 pub struct Sequence {

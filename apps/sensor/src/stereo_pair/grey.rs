@@ -61,15 +61,7 @@ pub fn grey(bytes: &[u8]) -> Result<Image, GreyError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn png(colour: ColorType, depth: BitDepth, bytes: &[u8]) -> Vec<u8> {
-        let mut file = Vec::new();
-        let mut encoder = png::Encoder::new(&mut file, 4, 2);
-        encoder.set_color(colour);
-        encoder.set_depth(depth);
-        encoder.write_header().unwrap().write_image_data(bytes).unwrap();
-        file
-    }
+    use crate::test_png::png;
 
     #[test]
     fn a_grey_picture_is_read_and_others_are_said_to_be_what_they_are() {
