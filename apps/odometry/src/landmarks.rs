@@ -63,31 +63,22 @@ impl Landmark {
             return None;
         }
         let warp = self.warp(rig, pose)?;
-        self.look.template(0, &warp)?;
-        Some(self.find(&warp, predicted.xy().into(), left, similarity).map(|at| {
-            let disparity = predicted.x - predicted.z;
-            let right = row::refine(&self.look, &warp, right, at, at[0] - disparity, similarity);
-            Observation { left: at, right }
-        }))
-    }
-
-    /// From the coarsest level to the finest.
-    fn find(&self, warp: &Matrix2<f64>, predicted: [f64; 2], left: &Pyramid, similarity: f32) -> Option<[f64; 2]> {
-        let mut at = predicted;
-        let mut reached = 0.0;
-        for level in (0..LEVELS).rev() {
+        let finest = self.look.template(0, &warp)?;
+        let mut at: [f64; 2] = predicted.xy().into();
+        for level in (1..LEVELS).rev() {
             let found =
-                self.look.template(level, warp).and_then(|window| window.find(left.level(level), to_level(at, level)));
+                self.look.template(level, &warp).and_then(|window| window.find(left.level(level), to_level(at, level)));
             // A coarse level on which there is nothing to be found, or something else is, says nothing.
-            match found {
-                Some(found) if level == 0 || found.similarity >= similarity => {
-                    (at, reached) = (from_level(found.at, level), found.similarity);
-                }
-                _ if level == 0 => return None,
-                _ => {}
+            if let Some(found) = found.filter(|found| found.similarity >= similarity) {
+                at = from_level(found.at, level);
             }
         }
-        (reached >= similarity).then_some(at)
+        let found = finest.find(image, at).filter(|found| found.similarity >= similarity);
+        Some(found.map(|found| {
+            let disparity = predicted.x - predicted.z;
+            let right = row::refine(&self.look, &warp, right, found.at, found.at[0] - disparity, similarity);
+            Observation { left: found.at, right }
+        }))
     }
 }
 

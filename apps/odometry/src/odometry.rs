@@ -179,17 +179,18 @@ impl Odometry {
         }
         let pair = [Pyramid::new(left), Pyramid::new(right)];
         let pair = [&pair[0], &pair[1]];
+        let small = Thumbnail::new(pair[0]);
         if self.keyframes.is_empty() {
-            return self.start(pair);
+            return self.start(pair, small);
         }
-        match self.locate(pair) {
-            Ok(fix) => Ok(Tracked::Found(Box::new(self.found(pair, &fix)))),
-            Err(lost) => self.lost(pair, lost),
+        match self.locate(pair, &small) {
+            Ok(fix) => Ok(Tracked::Found(Box::new(self.found(pair, small, &fix)))),
+            Err(lost) => self.lost(pair, small, lost),
         }
     }
 
     /// Begins the map where the cameras are supposed to be, if there is anything to begin it with.
-    fn start(&mut self, pair: [&Pyramid; 2]) -> Result<Tracked, PairError> {
+    fn start(&mut self, pair: [&Pyramid; 2], small: Thumbnail) -> Result<Tracked, PairError> {
         let points = self.new_points(pair, &[]);
         let (matched, least) = (points.len(), self.config.inliers);
         if matched < least {
@@ -203,15 +204,15 @@ impl Odometry {
         self.landmarks.clear();
         self.motion = Isometry3::identity();
         self.lost = 0;
-        self.last = Some(Thumbnail::new(pair[0]));
-        self.add_keyframe(pair[0], Vec::new(), points);
+        self.last = Some(small.clone());
+        self.add_keyframe(small, Vec::new(), points);
         Ok(Tracked::Started)
     }
 
     /// The map is kept, unless it has been of no use for long and this pair can begin another one.
-    fn lost(&mut self, pair: [&Pyramid; 2], lost: Lost) -> Result<Tracked, PairError> {
+    fn lost(&mut self, pair: [&Pyramid; 2], small: Thumbnail, lost: Lost) -> Result<Tracked, PairError> {
         if self.lost >= self.config.patience {
-            let started = self.start(pair)?;
+            let started = self.start(pair, small)?;
             if started == Tracked::Started {
                 return Ok(started);
             }
@@ -235,8 +236,7 @@ impl Odometry {
     }
 
     /// The pose of a pair: near where the last motion and the image's turn lead, or else near the keyframe that looks most like it.
-    fn locate(&self, pair: [&Pyramid; 2]) -> Result<Fix, Lost> {
-        let small = &Thumbnail::new(pair[0]);
+    fn locate(&self, pair: [&Pyramid; 2], small: &Thumbnail) -> Result<Fix, Lost> {
         let mut random = Random::new(self.config.seed, self.pairs);
         let predicted = self.locate_near(&self.predict(small), pair, &mut random);
         let Err(lost) = predicted else { return predicted };
@@ -317,7 +317,7 @@ impl Odometry {
         attempt
     }
 
-    fn found(&mut self, pair: [&Pyramid; 2], fix: &Fix) -> Estimate {
+    fn found(&mut self, pair: [&Pyramid; 2], small: Thumbnail, fix: &Fix) -> Estimate {
         self.pairs += 1;
         self.count_failures(fix);
         let before = std::mem::replace(&mut self.pose, fix.consensus.pose);
@@ -326,12 +326,12 @@ impl Odometry {
         if is_keyframe {
             let at: Vec<[f64; 2]> = seen.iter().map(|(_, seen)| seen.left).collect();
             let points = self.new_points(pair, &at);
-            self.add_keyframe(pair[0], seen, points);
+            self.add_keyframe(small.clone(), seen, points);
         }
         // After a loss nobody knows over how long a time the cameras came here.
         self.motion = if self.lost == 0 { before.inverse() * self.pose } else { Isometry3::identity() };
         self.lost = 0;
-        self.last = Some(Thumbnail::new(pair[0]));
+        self.last = Some(small);
         let health = Health {
             of: fix.attempt.of,
             matched: fix.attempt.matches.len(),
@@ -372,7 +372,7 @@ impl Odometry {
     }
 
     /// Adds a pair at the pose to the window, with new points, and adjusts all.
-    fn add_keyframe(&mut self, left: &Pyramid, mut seen: Vec<(u64, Observation)>, points: Vec<(Patch, Observation)>) {
+    fn add_keyframe(&mut self, small: Thumbnail, mut seen: Vec<(u64, Observation)>, points: Vec<(Patch, Observation)>) {
         for (look, observation) in points {
             let Some(landmark) = Landmark::new(&self.rig, &self.pose, look, observation) else { continue };
             self.landmarks.insert(self.next, landmark);
@@ -380,7 +380,7 @@ impl Odometry {
             self.next += 1;
         }
         self.covered = self.cover(&seen);
-        self.keyframes.push_back(Keyframe { pose: self.pose, small: Thumbnail::new(left), seen });
+        self.keyframes.push_back(Keyframe { pose: self.pose, small, seen });
         if self.keyframes.len() > self.config.window {
             self.keyframes.pop_front();
         }
