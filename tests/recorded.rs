@@ -12,7 +12,7 @@ use common::{Elk, kill, said, summary_of};
 use elk_bus::Mail;
 use elk_bus::clock::Stopwatch;
 use elk_log::LogReader;
-use elk_map::agreement::agreement;
+use elk_map::comparison::compare;
 use elk_map::{MapConfig, OccupancyMap, Saved};
 use elk_sensor::simulator::{Settings, Simulator};
 use elk_sensor::surroundings::Body;
@@ -139,7 +139,7 @@ fn a_recording_is_played_to_its_end_at_its_poses_and_once_more_from_its_log() {
         expected.insert(scan.pose.position(), scan.world_points());
     }
     let made = occupancy(&map(&elk, "a"));
-    let [same, _] = agreement(&expected, made.grid(), 0).shares();
+    let [same, _] = compare(&expected, made.grid(), 0).shares();
     assert!(same > 0.95 && made.grid().free() > 1000, "{same}: guards against grazing rays apart, it is one map");
 
     let old = elk.run_in("a").display().to_string();
@@ -175,7 +175,7 @@ fn poses_that_the_images_say_are_near_those_that_were_recorded() {
     );
     let [given, estimated] = ["given", "estimated"].map(|logs| occupancy(&map(&elk, logs)));
     let shares =
-        [agreement(&given, estimated.grid(), 1), agreement(&estimated, given.grid(), 1)].map(|one| one.shares()[1]);
+        [compare(&given, estimated.grid(), 1), compare(&estimated, given.grid(), 1)].map(|one| one.shares()[1]);
     assert!(shares.iter().all(|share| *share > 0.95), "{shares:?}");
 
     let mut log = LogReader::open(&elk.run_in("estimated")).unwrap();
@@ -357,7 +357,7 @@ fn a_log_of_a_laser_is_matched_in_the_plane() {
     }
     play(&elk, &mission(""), "given");
     let [given, estimated] = ["given", "estimated"].map(|logs| occupancy(&map(&elk, logs)));
-    assert!(agreement(&given, estimated.grid(), 1).shares()[1] > 0.95);
+    assert!(compare(&given, estimated.grid(), 1).shares()[1] > 0.95);
     std::fs::write(&file, "no log\n").unwrap();
     let refused = elk.launch_and_fail(&mission(""));
     assert!(refused.contains("there is no scan in it; right is a CARMEN log with FLASER lines"), "{refused}");

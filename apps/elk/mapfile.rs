@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use elk_geometry::Voxel;
-use elk_map::agreement::agreement;
+use elk_map::comparison::compare;
 use elk_map::octomap::graph::read_graph;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
 use elk_outside::file;
@@ -181,12 +181,12 @@ fn diff(arguments: &DiffArgs) -> Result<()> {
     }
     let mut text = String::new();
     for (path, [own, against]) in [(one, [0, 1]), (other, [1, 0])] {
-        let agreement = agreement(&maps[own], maps[against].grid(), *within);
-        let [same, near] = agreement.shares().map(|share| share * 100.0);
+        let comparison = compare(&maps[own], maps[against].grid(), *within);
+        let [same, near] = comparison.shares().map(|share| share * 100.0);
         text += &format!(
             "{}: of {} known voxels {same:.2} % are the same in the other, {near:.2} % to {within} voxels\n",
             path.display(),
-            agreement.known
+            comparison.known
         );
     }
     say(&text)

@@ -2,7 +2,7 @@
 //! whoever has scans.
 //!
 //! [`OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it, [`uncertain`] how one
-//! does whose sensor errs along its rays ([`depth_error`]), [`edit`] what is done to it on request, [`agreement`] how much of
+//! does whose sensor errs along its rays ([`depth_error`]), [`edit`] what is done to it on request, [`comparison`] how much of
 //! it another map has, [`snapshot`] how all that it knows is kept and had again. [`saved`] is a map in a file of any kind: its own,
 //! [`elkmap`], or OctoMap's, [`octomap`], by way of an [`octree`]. Metres; world frame, z up; voxel indices as in
 //! [`elk_geometry::Voxel`].
@@ -11,8 +11,8 @@
 #![doc = include_str!("../examples/scan.rs")]
 //! ```
 
-pub mod agreement;
 mod bytes;
+pub mod comparison;
 pub mod depth_error;
 pub mod edit;
 pub mod elkmap;

@@ -6,7 +6,7 @@ use crate::occupancy::OccupancyMap;
 
 /// How the known voxels of a map are in another one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Agreement {
+pub struct Comparison {
     /// Known voxels of the one.
     pub known: u64,
     /// Of these, voxels that have the same state in the other.
@@ -15,7 +15,7 @@ pub struct Agreement {
     pub near: u64,
 }
 
-impl Agreement {
+impl Comparison {
     /// Shares of the known voxels (0 to 1), the same and near; of none, all.
     pub fn shares(&self) -> [f64; 2] {
         let share = |count: u64| if self.known == 0 { 1.0 } else { count as f64 / self.known as f64 };
@@ -25,17 +25,17 @@ impl Agreement {
 
 /// How the voxels that are known in `one`, free or occupied, are in `other`, whose voxels are of the same size: as they are there, or
 /// as at least one is that is up to `within` voxels away along each axis.
-pub fn agreement(one: &OccupancyMap, other: &OccupancyGrid, within: u32) -> Agreement {
+pub fn compare(one: &OccupancyMap, other: &OccupancyGrid, within: u32) -> Comparison {
     let reach = within.min(i32::MAX as u32) as i32;
-    let mut agreement = Agreement::default();
+    let mut comparison = Comparison::default();
     for (voxel, _) in one.known() {
         let state = one.grid().state(voxel);
         let same = other.state(voxel) == state;
-        agreement.known += 1;
-        agreement.same += u64::from(same);
-        agreement.near += u64::from(same || has_near(other, voxel, state, reach));
+        comparison.known += 1;
+        comparison.same += u64::from(same);
+        comparison.near += u64::from(same || has_near(other, voxel, state, reach));
     }
-    agreement
+    comparison
 }
 
 fn has_near(grid: &OccupancyGrid, voxel: Voxel, state: State, reach: i32) -> bool {
@@ -60,11 +60,11 @@ mod tests {
     #[test]
     fn what_lies_beside_it_is_near() {
         let (one, beside, off) = (ray(0.05), ray(0.15), ray(0.25));
-        assert_eq!(agreement(&one, one.grid(), 0), Agreement { known: 11, same: 11, near: 11 });
-        assert_eq!(agreement(&one, beside.grid(), 0), Agreement { known: 11, same: 0, near: 0 });
-        assert_eq!(agreement(&one, beside.grid(), 1), Agreement { known: 11, same: 0, near: 11 });
-        assert_eq!(agreement(&one, off.grid(), 1).near, 0);
+        assert_eq!(compare(&one, one.grid(), 0), Comparison { known: 11, same: 11, near: 11 });
+        assert_eq!(compare(&one, beside.grid(), 0), Comparison { known: 11, same: 0, near: 0 });
+        assert_eq!(compare(&one, beside.grid(), 1), Comparison { known: 11, same: 0, near: 11 });
+        assert_eq!(compare(&one, off.grid(), 1).near, 0);
         let empty = OccupancyMap::new(MapConfig::default()).unwrap();
-        assert_eq!(agreement(&empty, one.grid(), 1).shares(), [1.0, 1.0]);
+        assert_eq!(compare(&empty, one.grid(), 1).shares(), [1.0, 1.0]);
     }
 }
