@@ -103,6 +103,9 @@ pub enum Fault {
     /// A line that no laser writes.
     #[error("a line of more than {MAX_LINE} bytes: this is no CARMEN log")]
     Long,
+    /// There is a lot of text, and no scan in it; the rest is not read.
+    #[error("no scan in {MAX_APART} bytes: this is no CARMEN log, or none any more, and the rest of it is not read")]
+    NoScan,
     /// The log cannot be read any further.
     #[error("cannot be read on: {0}")]
     Io(#[from] std::io::Error),
@@ -112,6 +115,9 @@ pub enum Fault {
 pub const MAX_BEAMS: usize = 10_000;
 /// The most bytes of a line.
 pub const MAX_LINE: u64 = 1 << 18;
+/// The most bytes before the first scan, and between one and the next: hours of odometry. A compressed log can have gigabytes of
+/// empty lines in a megabyte.
+pub const MAX_APART: u64 = 1 << 24;
 
 /// The scans of a log, one by one. A line that cannot be used is an error, and the next one goes on behind it; whoever counts the errors knows how many
 /// were left out.
@@ -119,6 +125,8 @@ pub struct Reader<R> {
     log: String,
     input: R,
     line: usize,
+    /// Bytes since the last scan.
+    apart: u64,
     is_over: bool,
     last_time: Option<f64>,
     reckoning: Reckoning,
@@ -152,7 +160,7 @@ impl<R: BufRead> Reader<R> {
     /// Of a log that errors call so.
     pub fn new(log: impl Into<String>, input: R) -> Self {
         let log = log.into();
-        Self { log, input, line: 0, is_over: false, last_time: None, reckoning: Reckoning::default() }
+        Self { log, input, line: 0, apart: 0, is_over: false, last_time: None, reckoning: Reckoning::default() }
     }
 
     /// The next line; none at the end.
@@ -160,6 +168,7 @@ impl<R: BufRead> Reader<R> {
         let mut bytes = Vec::new();
         self.line += 1;
         self.input.by_ref().take(MAX_LINE).read_until(b'\n', &mut bytes)?;
+        self.count(bytes.len())?;
         if bytes.len() as u64 == MAX_LINE && bytes.last() != Some(&b'\n') {
             self.skip_line()?;
             return Err(Fault::Long);
@@ -167,13 +176,19 @@ impl<R: BufRead> Reader<R> {
         Ok((!bytes.is_empty()).then(|| String::from_utf8_lossy(&bytes).into_owned()))
     }
 
-    fn skip_line(&mut self) -> std::io::Result<()> {
+    fn count(&mut self, bytes: usize) -> Result<(), Fault> {
+        self.apart += bytes as u64;
+        if self.apart > MAX_APART { Err(Fault::NoScan) } else { Ok(()) }
+    }
+
+    fn skip_line(&mut self) -> Result<(), Fault> {
         loop {
             let buffer = self.input.fill_buf()?;
             let end = buffer.iter().position(|&byte| byte == b'\n');
             let used = end.map_or(buffer.len(), |end| end + 1);
             let is_over = end.is_some() || used == 0;
             self.input.consume(used);
+            self.count(used)?;
             if is_over {
                 return Ok(());
             }
@@ -251,7 +266,10 @@ impl<R: BufRead> Iterator for Reader<R> {
                 Ok(Some(line)) => self.scan(&line),
                 Err(fault) => Err(fault),
             };
-            self.is_over = matches!(scan, Err(Fault::Io(_)));
+            self.is_over = matches!(scan, Err(Fault::Io(_) | Fault::NoScan));
+            if let Ok(Some(_)) = scan {
+                self.apart = 0;
+            }
             let error = |fault| CarmenError { log: self.log.clone(), line: self.line, fault };
             if let Some(next) = scan.transpose() {
                 return Some(next.map_err(error));
@@ -340,6 +358,40 @@ mod tests {
         ];
         assert_eq!(errors, wanted);
         assert_eq!(scans.iter().map(|scan| scan.line).collect::<Vec<_>>(), [4, 11]);
+    }
+
+    /// Regression: two megabytes that gzip had made of empty lines were read for minutes, and those of one that only begins like a scan
+    /// took all memory.
+    #[test]
+    fn a_log_with_much_text_and_no_scan_is_not_read_to_its_end() {
+        let scan = b"FLASER 1 1.0 9 9 0 1 2 0 0 host 0\n";
+        for filling in ["\n", "FLASER\n", "# a comment\n", "x"] {
+            let endless = std::io::BufReader::new(Filling(filling.as_bytes(), 0).take(2 * MAX_APART));
+            let log = std::io::Read::chain(&scan[..], endless);
+            let mut reader = Reader::new("a.log", std::io::BufReader::new(log));
+            assert!(reader.next().unwrap().is_ok());
+            let mut last = reader.next().unwrap().unwrap_err().to_string();
+            for next in reader {
+                last = next.unwrap_err().to_string();
+            }
+            assert!(last.contains("no scan in 16777216 bytes: this is no CARMEN log"), "{filling:?}: {last}");
+        }
+        // What is said between two scans counts for these two.
+        let hours = [scan, &b"# a comment\n".repeat(100_000)[..]].concat().repeat(20);
+        assert_eq!(Reader::new("a.log", hours.as_slice()).filter(Result::is_ok).count(), 20);
+    }
+
+    /// The same bytes, over and over.
+    struct Filling(&'static [u8], usize);
+
+    impl Read for Filling {
+        fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+            for byte in &mut *to {
+                *byte = self.0[self.1 % self.0.len()];
+                self.1 += 1;
+            }
+            Ok(to.len())
+        }
     }
 
     #[test]
