@@ -174,7 +174,7 @@ impl Player {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::recording::PoseEstimator;
 
@@ -215,7 +215,8 @@ mod tests {
         }
     }
 
-    fn player(bad: usize, left: usize, x: f64) -> Player {
+    /// A player of a recording of `left` frames, of which so many are bad before each that is none, and that says it begins at x.
+    pub(crate) fn player(bad: usize, left: usize, x: f64) -> Player {
         let start = Pose(Isometry3::translation(x, 0.0, 0.0));
         Player::new(Box::new(Mostly { bad, left, start }), PoseEstimator::Recorded, None)
     }
