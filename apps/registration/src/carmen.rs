@@ -68,6 +68,14 @@ pub enum Fault {
         /// The word.
         found: String,
     },
+    /// A position that is on no map.
+    #[error("{found} m as {what}: at most {FARTHEST} m, either way, would be right")]
+    Far {
+        /// Which coordinate.
+        what: &'static str,
+        /// The coordinate, metres.
+        found: f64,
+    },
     /// A range that is none.
     #[error("beam {beam} of {found} m: a finite range of at least 0 would be right")]
     Range {
@@ -111,6 +119,9 @@ pub enum Fault {
     Io(#[from] std::io::Error),
 }
 
+/// The farthest that a position is from the origin along either axis, metres: those of a country's grid are nearer. One that is
+/// farther would spoil the sum of all motions behind it.
+pub const FARTHEST: f64 = 1e7;
 /// The most beams of a scan.
 pub const MAX_BEAMS: usize = 10_000;
 /// The most bytes of a line.
@@ -252,8 +263,12 @@ fn number(what: &'static str, word: &str) -> Result<f64, Fault> {
 
 /// A pose of three words.
 fn pose(words: &[&str]) -> Result<Isometry2<f64>, Fault> {
-    let [x, y, angle] = [0, 1, 2].map(|i| number(["x", "y", "an angle"][i], words[i]));
-    Ok(Isometry2::new(Vector2::new(x?, y?), angle?))
+    let coordinate = |what, word| match number(what, word)? {
+        found if found.abs() > FARTHEST => Err(Fault::Far { what, found }),
+        found => Ok(found),
+    };
+    let (x, y) = (coordinate("x", words[0])?, coordinate("y", words[1])?);
+    Ok(Isometry2::new(Vector2::new(x, y), number("an angle", words[2])?))
 }
 
 impl<R: BufRead> Iterator for Reader<R> {
@@ -328,6 +343,17 @@ mod tests {
         assert_eq!(scans[0].time, None);
     }
 
+    /// Regression: one `ODOM` from nowhere made a NaN of where wheels said that the robot was, for the rest of the log.
+    #[test]
+    fn a_position_that_is_on_no_map_spoils_no_other() {
+        let odom = |x: &str, time: f64| format!("ODOM {x} 0 0 0 0 0 {time} host {time}\n");
+        let scan = |time: f64| format!("FLASER 1 1.0 0 0 0 0 0 0 {time} host {time}\n");
+        let log = [odom("1", 1.0), scan(1.5), odom("1e308", 2.0), odom("-1e308", 3.0), odom("2", 4.0), scan(4.5)];
+        let (scans, errors) = read(&log.concat());
+        assert_eq!((scans.len(), errors.len()), (2, 2), "{errors:?}");
+        assert_eq!(scans[1].odometry, Isometry2::translation(2.0, 0.0));
+    }
+
     #[test]
     fn bad_lines_are_said_and_passed_over() {
         let long = format!("FLASER 1 {}\n", "1".repeat(300_000));
@@ -342,6 +368,7 @@ mod tests {
             &long,
             "ODOM 0 nan 0 0 0 0 1.0 host 1.0\n",
             "ODOM 0 0\n",
+            "ODOM 0 -1e308 0 0 0 0 1.0 host 1.0\n",
             "FLASER 2 1.0 2.0 0 0 0 0 0 0 7.0 host 7.0\n",
         ];
         let (scans, errors) = read(&log.concat());
@@ -355,9 +382,10 @@ mod tests {
             "a.log:8: a line of more than 262144 bytes: this is no CARMEN log",
             "a.log:9: \"nan\" as y: a finite number would be right",
             "a.log:10: ODOM with 3 words: 10 would be right",
+            &format!("a.log:11: {} m as y: at most 10000000 m, either way, would be right", -1e308),
         ];
         assert_eq!(errors, wanted);
-        assert_eq!(scans.iter().map(|scan| scan.line).collect::<Vec<_>>(), [4, 11]);
+        assert_eq!(scans.iter().map(|scan| scan.line).collect::<Vec<_>>(), [4, 12]);
     }
 
     /// Regression: two megabytes that gzip had made of empty lines were read for minutes, and those of one that only begins like a scan

@@ -49,6 +49,8 @@ pub struct Client {
     pub brought: usize,
     pub registrations: Vec<Registration>,
     pub registered_bytes: usize,
+    /// Registrations that are by pattern.
+    pub registered_patterns: usize,
     /// Routes that it is in.
     pub deliveries: usize,
     pub mailbox: Mailbox,
@@ -93,6 +95,7 @@ impl Client {
             brought: 0,
             registrations: Vec::new(),
             registered_bytes: 0,
+            registered_patterns: 0,
             deliveries: 0,
             mailbox: Mailbox::new(mailbox_bytes, now),
             asked: Vec::new(),
