@@ -181,6 +181,10 @@ fn rounds() -> usize {
 fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
     let mut attack = Attack::begin("attack", &car("manual"));
     attack.elk.obeyed(&["step"]);
+    for app in APPS.iter().chain(&["launcher"]) {
+        let unknown = heard_by(&attack.elk, app);
+        assert_eq!(unknown, [""; 0], "{app} hears what is not attacked here");
+    }
     let mut sent = 0;
     for (place, (key, type_name)) in HEARD.iter().enumerate() {
         attack.write(key, ValueRef::Text("what a text"));
@@ -224,6 +228,16 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
         }
     }
     attack.end();
+}
+
+/// What an app hears, and [`HEARD`] does not have; the broker's own variables nobody else can write.
+fn heard_by(elk: &Elk, app: &str) -> Vec<String> {
+    let told = elk.obeyed(&["info", app]);
+    let registered = told.lines().find_map(|line| line.trim().strip_prefix("registered")).unwrap();
+    let is_attacked = |key: &&str| {
+        HEARD.iter().any(|(heard, _)| heard == key) || ["DB_", "*_STATUS"].iter().any(|own| key.starts_with(own))
+    };
+    registered.split(',').map(str::trim).filter(|key| !is_attacked(key)).map(str::to_owned).collect()
 }
 
 /// Memories are read when an app starts, and not by an app that is there; reports by the launcher, which says what is wrong

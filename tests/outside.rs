@@ -166,3 +166,96 @@ fn a_map_that_cannot_be_written_at_the_end_fails_its_mission() {
     assert_eq!((said.matches(&words).count(), &summary["complete"]), (2, &false.into()), "{said}");
     elk.wait_until_deserted();
 }
+
+/// A mission that plays what lies at `recording`.
+fn player(kind: &str, recording: &str) -> String {
+    format!(
+        "<Scenario type=\"auto\"> <Sensor type=\"{kind}\"> <Recording> {recording} </Recording> </Sensor>
+            <Map type=\"OctoMap\"> <Res> 0.1 m </Res> </Map> <Controller type=\"Playback\"/> </Scenario>"
+    )
+}
+
+/// A file of 16 bits grey that says that it has `side` columns and rows, and has `depths`.
+fn image(file: &Path, side: u32, depths: &[u8]) {
+    let mut encoder = png::Encoder::new(std::fs::File::create(file).unwrap(), side, side);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let mut writer = encoder.write_header().unwrap();
+    if depths.is_empty() {
+        writer.write_chunk(png::chunk::IDAT, &[0x78, 0x9c, 1, 0, 0, 0xff, 0xff, 0, 0, 0, 1]).unwrap();
+    } else {
+        writer.write_image_data(depths).unwrap();
+    }
+}
+
+/// What may lie in a recording's place is answered in words, whatever it claims, in a gigabyte of memory.
+#[test]
+fn recordings_that_are_traps_start_nothing() {
+    let elk = Elk::new("recordings");
+    let at = |name: &str| elk.folder().join(name);
+    let shell = "for d in fifo folder link vast list long outside; do mkdir $d; done
+        mkfifo fifo/frame-0.depth.png fifo/frame-0.pose.txt list/depth.txt fifo.log
+        mkdir folder/frame-0.depth.png folder/frame-0.pose.txt
+        ln -s /dev/zero link/frame-0.depth.png
+        yes '0 0 0 0 0 0 0 1' | head -n 16000000 > long/groundtruth.txt
+        echo '0 a.png' > long/depth.txt
+        echo '0 ../vast/frame-0.depth.png' > outside/depth.txt";
+    let made = std::process::Command::new("bash").args(["-ec", shell]).current_dir(elk.folder()).status().unwrap();
+    assert!(made.success());
+    image(&at("vast/frame-0.depth.png"), 60_000, &[]);
+    for (kind, recording, words) in [
+        ("RGBD", "fifo", "it is a FIFO"),
+        ("RGBD", "folder", "it is a folder"),
+        ("RGBD", "link", "it is a device"),
+        ("RGBD", "vast", "it is of 60000 × 60000 pixels: at most 4194304 would be right"),
+        ("RGBD", "list", "depth.txt: it is a FIFO"),
+        ("RGBD", "long", "longer than 134 MB"),
+        ("RGBD", "outside", "is no file of this folder"),
+        ("RGBD", "/dev/zero", "there is no folder /dev/zero"),
+        ("Laser2D", "fifo.log", "it is a FIFO"),
+        ("Laser2D", "folder", "it is a folder"),
+        ("Laser2D", "/dev/zero", "it is a device"),
+    ] {
+        std::fs::write(at("m.xml"), player(kind, recording)).unwrap();
+        let (code, said) = within(&elk, 1000, &["check", "m.xml"]);
+        assert!(code == Some(1) && said.contains(words), "{recording}: {code:?}, {said}");
+    }
+}
+
+/// Regression: a recording that began where nothing can be was waited for without end, as nobody believed where it began.
+#[test]
+fn a_recording_that_begins_nowhere_is_played_to_its_end() {
+    let elk = Elk::new("nowhere");
+    let folder = elk.folder().join("frames");
+    std::fs::create_dir(&folder).unwrap();
+    for (frame, x) in [(0, "1e300"), (1, "nan"), (2, "1")] {
+        image(&folder.join(format!("frame-{frame}.depth.png")), 2, &[8; 8]);
+        let pose = format!("1 0 0 {x} 0 1 0 0 0 0 1 0 0 0 0 1");
+        std::fs::write(folder.join(format!("frame-{frame}.pose.txt")), pose).unwrap();
+    }
+    let launcher = elk.launch(&player("RGBD", &folder.display().to_string()));
+    let (code, said) = launcher.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("1 scans of 3 frames, 2 could not be used"), "{said}");
+}
+
+/// Regression: a picture was written over what a link in its place named, and waited for whoever would read a FIFO there.
+#[test]
+fn a_run_s_folder_from_elsewhere_leads_nowhere_else() {
+    let elk = Elk::new("elsewhere");
+    let (code, said) = elk.launch_with(&car("auto"), &["--headless"]).end();
+    assert_eq!(code, Some(0), "{said}");
+    let run = elk.run();
+    let (picture, mine) = (run.join("picture.png"), elk.folder().join("mine"));
+    let run = run.to_str().unwrap();
+    std::fs::write(&mine, "mine").unwrap();
+    std::fs::remove_file(&picture).unwrap();
+    std::os::unix::fs::symlink(&mine, &picture).unwrap();
+    let (code, said) = within(&elk, 2000, &["picture", run]);
+    assert_eq!((code, std::fs::read_to_string(&mine).unwrap().as_str()), (Some(0), "mine"), "{said}");
+    assert!(picture.symlink_metadata().unwrap().is_file());
+    std::fs::remove_file(&picture).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&picture).status().unwrap().success());
+    let (code, said) = within(&elk, 2000, &["picture", run]);
+    assert!(code == Some(1) && said.contains("it is a FIFO; right is an ordinary file"), "{code:?}: {said}");
+}

@@ -89,6 +89,65 @@ fn bad_names_of_communities_are_refused_and_touch_nothing() {
     assert_eq!(tree(elk.folder()), before);
 }
 
+/// Names as somebody would choose them who wants to reach something by them, and what else comes of the same letters.
+fn names() -> impl Iterator<Item = String> {
+    let known = [
+        "..",
+        ".",
+        "/",
+        "/etc/passwd",
+        "../../x",
+        "a/b",
+        "a\0b",
+        "*",
+        "-rf",
+        "a\nb",
+        "\x1b[31m",
+        "$(id)",
+        "%n",
+        "elk_",
+        "\u{202e}",
+    ];
+    let known = known.into_iter().map(str::to_owned).chain([String::new(), "x".repeat(256), "/".repeat(10_000)]);
+    let letters: Vec<char> = "../\\\0\n*?%$~-_= a1ä\u{1b}\u{202e}".chars().collect();
+    let mut state = 9_u64;
+    let mut next = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (state >> 33) as usize
+    };
+    let random = move |_| (0..1 + next() % 40).map(|_| letters[next() % letters.len()]).collect();
+    known.chain((0..10_000).map(random))
+}
+
+#[test]
+fn whatever_clients_and_variables_are_called_no_file_is_made_or_removed_for_it() {
+    let elk = Elk::new("names");
+    let temporary = inhabited(&elk);
+    let (broker, mut witness) = serve(&elk, elk.community(), &temporary);
+    let place = home(&temporary).join(elk.community());
+    let outside = || tree(elk.folder()).into_iter().filter(|(path, _)| !path.starts_with(&place)).collect::<Vec<_>>();
+    let before = outside();
+    let community = Community::new(elk.community()).unwrap();
+    let (mut said, mut joined) = (0, 0);
+    for (nth, name) in names().enumerate() {
+        said += usize::from(witness.comms.notify(&name, 1.0).is_ok());
+        // Each has files of its own, under numbers.
+        if nth % 16 == 0 || nth < 20 {
+            joined += usize::from(Client::connect(&community, &name).is_ok());
+        }
+    }
+    witness.comms.flush().unwrap();
+    assert!(said > 1000 && joined > 10, "{said} and {joined} were taken");
+    for looks in ["list", "graph"] {
+        elk.obeyed(&[looks]);
+    }
+    assert_eq!(outside(), before);
+    drop(witness);
+    broker.stop();
+    assert_eq!(outside(), before);
+    assert_eq!(shared_memory_of(&elk), [""; 0]);
+}
+
 #[test]
 fn a_community_whose_name_begins_another_s_leaves_that_one_alone() {
     let elk = Elk::new("neighbours");

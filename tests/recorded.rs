@@ -17,7 +17,8 @@ use elk_map::{MapConfig, OccupancyMap, Saved};
 use elk_sensor::simulator::{Settings, Simulator};
 use elk_sensor::surroundings::Body;
 use elk_sensor::{Camera, Capture, DepthSource, Pose};
-use elk_spatial::keys::{POSE_ESTIMATE, PROGRESS, SCAN};
+use elk_spatial::keys::{PLAYBACK, POSE_ESTIMATE, PROGRESS, SCAN};
+use elk_spatial::playback::Playback;
 use elk_world::{Placement, World};
 use nalgebra::{Isometry3, Point3};
 use rustix::process::Signal;
@@ -256,6 +257,47 @@ fn a_sensor_that_is_killed_is_followed_by_one_that_goes_on_where_it_was() {
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("12 scans of 12 frames"), "{said}");
     assert!(map(&elk, "whole") == map(&elk, "killed"));
+}
+
+/// Regression: one word that the recording was elsewhere, and its mission stood still for good.
+#[test]
+fn who_says_that_the_recording_is_elsewhere_stops_nobody() {
+    let elk = Elk::new("recorded-lies");
+    let recording = render(&elk, "frames");
+    let mut launcher = elk.launch(&mission(&recording, "").replace("\"auto\"", "\"manual\""));
+    launcher.wait_for("Enter takes a step");
+    let mut liar = elk.join("liar");
+    liar.comms.register(&PLAYBACK).unwrap();
+    elk.obeyed(&["step"]);
+    let begun = Stopwatch::start();
+    for lie in 0..5 {
+        // It is said again after each lie.
+        let mut truth: Option<Playback> = None;
+        while truth.as_ref().is_none_or(|truth| truth.scans < 1) {
+            assert!(begun.elapsed() < Duration::from_secs(60), "the truth is not said after lie {lie}");
+            let note = |mail: &Mail<'_>| {
+                if mail.source() == "Sensor" {
+                    truth = mail.decode(&PLAYBACK).ok();
+                }
+            };
+            liar.receive(Duration::from_millis(200), note).unwrap();
+        }
+        let truth = truth.unwrap();
+        let lie = match lie {
+            0 => Playback { command: 1 << 40, ..truth },
+            1 => Playback { scans: 1 << 40, ..truth },
+            2 => Playback { command: 0, scans: 0, ..truth },
+            3 => Playback { frames: 1 << 40, path_length_m: 1e6, ..truth },
+            _ => break,
+        };
+        liar.comms.publish(&PLAYBACK, &lie).unwrap();
+        liar.comms.flush().unwrap();
+    }
+    elk.obeyed(&["resume"]);
+    let (code, said) = launcher.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("12 scans of 12 frames"), "{said}");
+    assert!(said.contains("PLAYBACK by liar: it is not the mission's, and counts for nothing"), "{said}");
 }
 
 #[test]

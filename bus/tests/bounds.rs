@@ -4,11 +4,15 @@
 
 mod common;
 
+use std::net::SocketAddr;
 use std::process::Child;
 use std::time::Duration;
 
 use common::events::{Patience, once_served};
 use elk_bus::link::Link;
+use elk_bus::moos::client::MoosClient;
+use elk_bus::moos::hello::Manner;
+use elk_bus::moos::message::{Data, Kind, Message};
 use elk_bus::wire::{self, FrameKind, Header, Named, ValueKind};
 use elk_bus::{Client, Community, Introduction, Key, any, shm};
 use rustix::process::{Pid, Signal};
@@ -39,7 +43,18 @@ struct Target {
 impl Target {
     fn new(name: &str) -> Self {
         let community = Community::new(format!("bounds-{name}-{}", std::process::id())).unwrap();
-        let target = Self { broker: common::broker_of(&community), community };
+        Self::of(common::broker_of(&community), community)
+    }
+
+    /// One that clients of MOOS' may come to as well, and where to.
+    fn with_moos(name: &str) -> (Self, SocketAddr) {
+        let community = Community::new(format!("bounds-{name}-{}", std::process::id())).unwrap();
+        let (broker, address) = common::broker_with_moos(&community);
+        (Self::of(broker, community), address)
+    }
+
+    fn of(broker: Child, community: Community) -> Self {
+        let target = Self { broker, community };
         // What is there before an attack is there during it.
         let mut control = target.join("control");
         control.comms.notify("CONTROL", 0.0).unwrap();
@@ -249,6 +264,65 @@ fn one_name_under_numbers_without_end() {
         }
     }
     target.survives("one name under many numbers");
+}
+
+/// Gives signs of life for clients of MOOS', and takes what they are told.
+fn keep_alive(clients: &mut [MoosClient]) {
+    for client in clients {
+        while client.receive(Duration::ZERO, |_| {}).unwrap() {}
+    }
+}
+
+/// Regression: each client of MOOS' had all names that it had ever said for itself, those that the broker did not take among
+/// them: 19 MB a client for those of variables alone.
+#[test]
+fn names_without_end_that_clients_of_moos_say() {
+    let (target, address) = Target::with_moos("moos-says");
+    let clients = 0..amount(20, 96);
+    let connected = clients.map(|i| MoosClient::connect(address, &format!("liar-{i}"), Manner::Asynchronous).unwrap());
+    let mut liars: Vec<MoosClient> = connected.collect();
+    for number in 0..amount(26_000, 60_000) {
+        let (key, community) = (format!("{number:0>250}"), format!("{number:x>250}"));
+        for liar in &mut liars {
+            let message = Message::new(Kind::NOTIFY, Data::DOUBLE);
+            liar.say(&Message { key: key.as_bytes(), community: community.as_bytes(), time: 1.0, ..message });
+        }
+        if number % 100 == 0 {
+            keep_alive(&mut liars);
+        }
+    }
+    keep_alive(&mut liars);
+    target.survives("names without end of MOOS' clients");
+    keep_alive(&mut liars);
+}
+
+/// Regression: each client of MOOS' had all names that it had ever heard for itself, also when it had long stopped to hear them.
+#[test]
+fn names_without_end_that_clients_of_moos_hear() {
+    let (target, address) = Target::with_moos("moos-hears");
+    let mut liar = target.join("liar");
+    for number in 0..50_000 {
+        liar.comms.notify(&format!("{number:0>140}"), 1.0).unwrap();
+    }
+    liar.comms.flush().unwrap();
+    let mut readers: Vec<MoosClient> = Vec::new();
+    for i in 0..amount(30, 96) {
+        let mut reader = MoosClient::connect(address, &format!("reader-{i}"), Manner::Asynchronous).unwrap();
+        let pattern =
+            Message { value: b"AppPattern=*,VarPattern=*,Interval=0", ..Message::new(Kind::NULL, Data::STRING) };
+        reader.say(&Message { kind: Kind::WILDCARD_REGISTER, ..pattern });
+        let (mut heard, patience) = (0, Patience::new());
+        while heard < 50_000 {
+            patience.left("that a reader hears all variables");
+            let mut count = |message: &Message<'_>| heard += usize::from(message.key.len() == 140);
+            reader.receive(Duration::from_millis(20), &mut count).unwrap();
+        }
+        reader.say(&Message { kind: Kind::WILDCARD_UNREGISTER, ..pattern });
+        readers.push(reader);
+        keep_alive(&mut readers);
+    }
+    target.survives("names without end for MOOS' clients");
+    keep_alive(&mut readers);
 }
 
 #[test]

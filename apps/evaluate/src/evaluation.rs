@@ -167,7 +167,7 @@ impl Evaluation {
         let names = suite.worlds.iter().map(|world| format!("paths-{}.svg", world.name));
         for name in std::iter::once(CURVES.to_owned()).chain(names) {
             let Ok(picture) = file::read_text(&finished.folder.join(&name), LONGEST) else { continue };
-            file::replace(&folder.join(&name), picture.as_bytes())?;
+            file::place(&folder.join(&name), picture.as_bytes())?;
             let _ = write!(text, "![{}]({stem}/{name})\n\n", name.trim_end_matches(".svg"));
         }
         file::replace(page, text.as_bytes())

@@ -15,11 +15,12 @@ use crate::suite::Suite;
 use crate::truth::Start;
 
 /// The longest of its files that is read (bytes).
-const LONGEST: u64 = 1 << 30;
+const LONGEST: u64 = 1 << 28;
 const SUITE: &str = "suite.txt";
 const RUNS: &str = "runs.csv";
 const TIMES: &str = "times.csv";
 const ORACLE: &str = "oracle.csv";
+const TRACES: &str = "traces";
 const ORACLE_HEADS: &str = "world,start,way_m,seen\n";
 /// What a run is, before what came of it.
 const RUN_HEADS: [&str; 9] = ["run", "world", "strategy", "start", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"];
@@ -74,7 +75,12 @@ impl Store {
     /// It cannot be written, or holds other results.
     pub fn open(folder: &Path, suite: &Suite, asked: &str) -> Result<(Self, BTreeMap<Case, Row>), StoreError> {
         let failed = |source| StoreError::Io { folder: folder.to_owned(), source };
-        std::fs::create_dir_all(folder.join("traces")).map_err(failed)?;
+        let traces = folder.join(TRACES);
+        if traces.is_symlink() {
+            let what = format!("{TRACES} in it is a link, and not a folder of its own");
+            return Err(StoreError::Other { folder: folder.to_owned(), what });
+        }
+        std::fs::create_dir_all(traces).map_err(failed)?;
         let before = folder.join(SUITE);
         if before.exists() {
             let said = file::read_text(&before, LONGEST).map_err(failed)?;
@@ -91,7 +97,7 @@ impl Store {
         rows.retain(|_, row| row.outcome.end != crate::outcome::End::Failed);
         // Half a line of a run that was cut off is not left before the next one.
         write_rows(folder, suite, rows.values()).map_err(failed)?;
-        file::replace(&before, asked.as_bytes()).map_err(failed)?;
+        file::place(&before, asked.as_bytes()).map_err(failed)?;
         let append = |name: &str| OpenOptions::new().append(true).open(folder.join(name)).map_err(failed);
         Ok((Self { folder: folder.to_owned(), runs: append(RUNS)?, times: append(TIMES)? }, rows))
     }
@@ -102,7 +108,7 @@ impl Store {
     /// It cannot be written.
     pub fn keep(&mut self, suite: &Suite, row: &Row, trace: &[TracePoint]) -> io::Result<()> {
         let number = row.case.number(suite);
-        file::write(&trace_file(&self.folder, number), trace_text(trace).as_bytes())?;
+        file::place(&trace_file(&self.folder, number), trace_text(trace).as_bytes())?;
         self.times.write_all(times_line(number, &row.outcome).as_bytes())?;
         self.runs.write_all(run_line(suite, row).as_bytes())
     }
@@ -120,7 +126,8 @@ impl Store {
     /// # Errors
     /// It cannot be written.
     pub fn write(&self, name: &str, text: &str) -> io::Result<()> {
-        file::replace(&self.folder.join(name), text.as_bytes())
+        let named = |error: io::Error| io::Error::new(error.kind(), format!("{name}: {error}"));
+        file::place(&self.folder.join(name), text.as_bytes()).map_err(named)
     }
 
     /// The oracle's ways that were found so far.
@@ -138,7 +145,7 @@ impl Store {
             };
             Some(((world, start), length))
         };
-        Ok(lines(&self.folder, ORACLE)?.iter().filter_map(of).collect())
+        Ok(lines(&text(&self.folder, ORACLE)?).filter_map(|cells| of(&cells)).collect())
     }
 
     /// Keeps the oracle's ways.
@@ -176,7 +183,7 @@ fn difference(before: &str, now: &str) -> String {
 }
 
 fn trace_file(folder: &Path, number: usize) -> PathBuf {
-    folder.join("traces").join(format!("{number:05}.csv"))
+    folder.join(TRACES).join(format!("{number:05}.csv"))
 }
 
 fn trace_text(trace: &[TracePoint]) -> String {
@@ -238,21 +245,24 @@ fn cells(line: &str) -> Vec<String> {
     cells
 }
 
-/// The whole lines of a table, without its head.
-fn lines(folder: &Path, name: &str) -> io::Result<Vec<Vec<String>>> {
-    let text = match file::read_text(&folder.join(name), LONGEST) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        text => text?,
-    };
-    Ok(text.split_inclusive('\n').skip(1).filter_map(|line| line.strip_suffix('\n')).map(cells).collect())
+/// The text of a table; empty: it is not there.
+fn text(folder: &Path, name: &str) -> io::Result<String> {
+    match file::read_text(&folder.join(name), LONGEST) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(String::new()),
+        Err(error) => Err(io::Error::new(error.kind(), format!("{name}: {error}"))),
+        text => text,
+    }
+}
+
+/// The cells of a table's whole lines, without its head.
+fn lines(text: &str) -> impl Iterator<Item = Vec<String>> {
+    text.split_inclusive('\n').skip(1).filter_map(|line| line.strip_suffix('\n')).map(cells)
 }
 
 fn read_rows(folder: &Path, suite: &Suite) -> io::Result<BTreeMap<Case, Row>> {
     let numbered = |cells: &Vec<String>| cells.first().and_then(|number| number.parse::<usize>().ok());
-    let times: BTreeMap<usize, Times> = lines(folder, TIMES)?
-        .iter()
-        .filter_map(|cells| Some((numbered(cells)?, Times::from_cells(&cells[1..])?)))
-        .collect();
+    let timed = |cells: Vec<String>| Some((numbered(&cells)?, Times::from_cells(&cells[1..])?));
+    let times: BTreeMap<usize, Times> = lines(&text(folder, TIMES)?).filter_map(timed).collect();
     let cases: BTreeMap<usize, Case> = Case::all(suite).into_iter().map(|case| (case.number(suite), case)).collect();
     let row = |cells: &Vec<String>| {
         let number = numbered(cells)?;
@@ -266,7 +276,7 @@ fn read_rows(folder: &Path, suite: &Suite) -> io::Result<BTreeMap<Case, Row>> {
         });
         Some((case, Row { case, start, outcome }))
     };
-    Ok(lines(folder, RUNS)?.iter().filter_map(row).collect())
+    Ok(lines(&text(folder, RUNS)?).filter_map(|cells| row(&cells)).collect())
 }
 
 fn write_rows<'a>(folder: &Path, suite: &Suite, rows: impl Iterator<Item = &'a Row> + Clone) -> io::Result<()> {
@@ -275,8 +285,8 @@ fn write_rows<'a>(folder: &Path, suite: &Suite, rows: impl Iterator<Item = &'a R
     let times: String = rows.map(|row| times_line(row.case.number(suite), &row.outcome)).collect();
     let run_heads = RUN_HEADS.into_iter().chain(Outcome::HEADS).collect();
     let times_heads = ["run"].into_iter().chain(Times::HEADS).collect();
-    file::replace(&folder.join(TIMES), (head(times_heads) + &times).as_bytes())?;
-    file::replace(&folder.join(RUNS), (head(run_heads) + &runs).as_bytes())
+    file::place(&folder.join(TIMES), (head(times_heads) + &times).as_bytes())?;
+    file::place(&folder.join(RUNS), (head(run_heads) + &runs).as_bytes())
 }
 
 #[cfg(test)]
@@ -318,6 +328,31 @@ mod tests {
         assert_eq!(rows.values().cloned().collect::<Vec<_>>(), [row(0, 1, 2.0), odd]);
         assert_eq!(store.trace(&suite, Case { world: 0, start: 1, strategy: 0 }), TRACE);
         assert_eq!(store.trace(&suite, Case { world: 0, start: 1, strategy: 1 }), []);
+    }
+
+    /// Regression: tables were written over whatever file a link in their place named.
+    #[test]
+    fn a_folder_from_elsewhere_leads_nowhere_else() {
+        let (folder, suite) = (tempfile::tempdir().unwrap(), suite());
+        let [mine, place] = ["mine", "results"].map(|name| folder.path().join(name));
+        std::fs::write(&mine, "mine").unwrap();
+        std::fs::create_dir_all(place.join(TRACES)).unwrap();
+        for name in [RUNS, TIMES, SUITE, "traces/00001.csv", "report.html"] {
+            std::os::unix::fs::symlink(&mine, place.join(name)).unwrap();
+        }
+        assert!(matches!(Store::open(&place, &suite, "asked"), Err(StoreError::Other { .. })));
+        std::fs::remove_file(place.join(SUITE)).unwrap();
+        std::os::unix::fs::symlink("nothing", place.join(SUITE)).unwrap();
+        std::fs::remove_file(place.join(RUNS)).unwrap();
+        let (mut store, _) = Store::open(&place, &suite, "asked").unwrap();
+        store.keep(&suite, &row(0, 0, 1.0), &TRACE).unwrap();
+        store.write("report.html", "a page").unwrap();
+        assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+        assert!(!place.join("nothing").exists());
+        std::fs::remove_dir_all(place.join(TRACES)).unwrap();
+        std::os::unix::fs::symlink(folder.path(), place.join(TRACES)).unwrap();
+        let said = Store::open(&place, &suite, "asked").err().unwrap().to_string();
+        assert!(said.contains("traces in it is a link, and not a folder of its own"), "{said}");
     }
 
     #[test]

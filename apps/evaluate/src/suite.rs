@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use elk_mission::{Override, instead};
+use elk_mission::{Override, crowded, instead};
 use elk_outside::file;
 use roxmltree::{Attribute, Document, Node};
 
@@ -12,6 +12,10 @@ use roxmltree::{Attribute, Document, Node};
 const LONGEST: u64 = 512_000;
 /// The most of worlds, strategies and starts.
 const MOST: u64 = 10_000;
+/// The most runs.
+const MOST_RUNS: usize = 1_000_000;
+/// Mistakes that are told; further ones are not looked up.
+const MOST_TOLD: usize = 100;
 
 /// What is to be evaluated.
 #[derive(Debug, Clone)]
@@ -171,6 +175,11 @@ impl Suite {
     /// Everything that is wrong with it.
     pub fn parse(text: &str, file: &Path) -> Result<Self, SuiteError> {
         let wrong = |problems| SuiteError::Wrong { file: file.to_owned(), problems };
+        if let Some((byte, what)) = crowded(text) {
+            let before = text[..byte].as_bytes();
+            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u32;
+            return Err(wrong(vec![(Place { line, column: 1 }, what)]));
+        }
         let document = Document::parse(text).map_err(|error| {
             let at = Place { line: error.pos().row, column: error.pos().col };
             wrong(vec![(at, format!("this is no XML: {error}"))])
@@ -194,6 +203,9 @@ impl<'a, 'input> Reader<'a, 'input> {
     }
 
     fn wrong(&mut self, byte: usize, what: impl Into<String>) {
+        if self.problems.len() >= MOST_TOLD {
+            return;
+        }
         let at = self.place(byte);
         self.problems.push((at, what.into()));
     }
@@ -241,6 +253,18 @@ impl<'a, 'input> Reader<'a, 'input> {
         let strategies: Vec<_> = suite.strategies.iter().map(|one| (one.name.clone(), one.at)).collect();
         self.once("world", &worlds);
         self.once("explorer", &strategies);
+        for (what, count) in [("<World>", worlds.len()), ("<Explorer>", strategies.len())] {
+            if count as u64 > MOST {
+                self.wrong(root.range().start, format!("{count} times {what}; at most {MOST} are right"));
+            }
+        }
+        let runs = suite.starts.saturating_mul(worlds.len()).saturating_mul(strategies.len());
+        if runs > MOST_RUNS {
+            self.wrong(
+                root.range().start,
+                format!("its starts, worlds and explorers make {runs} runs; at most {MOST_RUNS} are right"),
+            );
+        }
         suite
     }
 
@@ -441,6 +465,20 @@ mod tests {
         assert_eq!((suite.name.as_str(), suite.starts), ("s", 30));
     }
 
+    /// So many worlds and strategies, each by a name of its own.
+    fn many(worlds: usize, strategies: usize) -> String {
+        let worlds: String = (0..worlds).map(|i| format!("<World name='w{i}' mission='car'/>")).collect();
+        let strategies = (0..strategies).map(|i| format!("<Explorer name='e{i}' type='A'/>"));
+        worlds + &strategies.collect::<String>()
+    }
+
+    /// Regression: half a megabyte of attributes was looked at for half a minute, to tell each of its mistakes.
+    #[test]
+    fn of_many_mistakes_the_first_are_told() {
+        let error = parse(&format!("<Suite>{}</Suite>", "<Wrold/>".repeat(60_000))).unwrap_err();
+        assert_eq!(error.matches("<Wrold> is no part of a suite").count(), MOST_TOLD);
+    }
+
     #[test]
     fn what_is_wrong_is_said_with_its_place() {
         let right = "<World mission='car'/><Explorer type='A'/>";
@@ -469,6 +507,9 @@ mod tests {
                 "<Suite><World mission='car' Res='1'/><Explorer type='A'/></Suite>".to_owned(),
                 "Res is no attribute of <World>",
             ),
+            (format!("<Suite starts='9999'>{}</Suite>", many(11, 10)), "make 1099890 runs; at most 1000000 are right"),
+            (format!("<Suite starts='1'>{}</Suite>", many(10_001, 1)), "10001 times <World>; at most 10000 are right"),
+            (format!("<Suite\n{}/>", "a='1' ".repeat(1001)), "s.xml:1:1: there are 2002 quotes in one element"),
             ("<Suite".to_owned(), "this is no XML"),
             ("<Scenario/>".to_owned(), "<Scenario> is no suite"),
         ] {

@@ -58,6 +58,6 @@ pub fn draw_run(run: &Path) -> Result<PathBuf, PictureError> {
         Scene::from_log(LogReader::open(run)?).map_err(|source| PictureError::Scene { path: run.into(), source })?;
     let png = draw(&scene)?;
     let path = run.join("picture.png");
-    std::fs::write(&path, png).map_err(|source| PictureError::Write { path: path.clone(), source })?;
+    elk_outside::file::place(&path, &png).map_err(|source| PictureError::Write { path: path.clone(), source })?;
     Ok(path)
 }

@@ -68,6 +68,14 @@ pub enum Fault {
         /// The word.
         found: String,
     },
+    /// A position that is on no map.
+    #[error("{found} m as {what}: at most {FARTHEST} m, either way, would be right")]
+    Far {
+        /// Which coordinate.
+        what: &'static str,
+        /// The coordinate, metres.
+        found: f64,
+    },
     /// A range that is none.
     #[error("beam {beam} of {found} m: a finite range of at least 0 would be right")]
     Range {
@@ -103,15 +111,24 @@ pub enum Fault {
     /// A line that no laser writes.
     #[error("a line of more than {MAX_LINE} bytes: this is no CARMEN log")]
     Long,
+    /// There is a lot of text, and no scan in it; the rest is not read.
+    #[error("no scan in {MAX_APART} bytes: this is no CARMEN log, or none any more, and the rest of it is not read")]
+    NoScan,
     /// The log cannot be read any further.
     #[error("cannot be read on: {0}")]
     Io(#[from] std::io::Error),
 }
 
+/// The farthest that a position is from the origin along either axis, metres: those of a country's grid are nearer. One that is
+/// farther would spoil the sum of all motions behind it.
+pub const FARTHEST: f64 = 1e7;
 /// The most beams of a scan.
 pub const MAX_BEAMS: usize = 10_000;
 /// The most bytes of a line.
 pub const MAX_LINE: u64 = 1 << 18;
+/// The most bytes before the first scan, and between one and the next: hours of odometry. A compressed log can have gigabytes of
+/// empty lines in a megabyte.
+pub const MAX_APART: u64 = 1 << 24;
 
 /// The scans of a log, one by one. A line that cannot be used is an error, and the next one goes on behind it; whoever counts the errors knows how many
 /// were left out.
@@ -119,6 +136,8 @@ pub struct Reader<R> {
     log: String,
     input: R,
     line: usize,
+    /// Bytes since the last scan.
+    apart: u64,
     is_over: bool,
     last_time: Option<f64>,
     reckoning: Reckoning,
@@ -152,7 +171,7 @@ impl<R: BufRead> Reader<R> {
     /// Of a log that errors call so.
     pub fn new(log: impl Into<String>, input: R) -> Self {
         let log = log.into();
-        Self { log, input, line: 0, is_over: false, last_time: None, reckoning: Reckoning::default() }
+        Self { log, input, line: 0, apart: 0, is_over: false, last_time: None, reckoning: Reckoning::default() }
     }
 
     /// The next line; none at the end.
@@ -160,6 +179,7 @@ impl<R: BufRead> Reader<R> {
         let mut bytes = Vec::new();
         self.line += 1;
         self.input.by_ref().take(MAX_LINE).read_until(b'\n', &mut bytes)?;
+        self.count(bytes.len())?;
         if bytes.len() as u64 == MAX_LINE && bytes.last() != Some(&b'\n') {
             self.skip_line()?;
             return Err(Fault::Long);
@@ -167,13 +187,19 @@ impl<R: BufRead> Reader<R> {
         Ok((!bytes.is_empty()).then(|| String::from_utf8_lossy(&bytes).into_owned()))
     }
 
-    fn skip_line(&mut self) -> std::io::Result<()> {
+    fn count(&mut self, bytes: usize) -> Result<(), Fault> {
+        self.apart += bytes as u64;
+        if self.apart > MAX_APART { Err(Fault::NoScan) } else { Ok(()) }
+    }
+
+    fn skip_line(&mut self) -> Result<(), Fault> {
         loop {
             let buffer = self.input.fill_buf()?;
             let end = buffer.iter().position(|&byte| byte == b'\n');
             let used = end.map_or(buffer.len(), |end| end + 1);
             let is_over = end.is_some() || used == 0;
             self.input.consume(used);
+            self.count(used)?;
             if is_over {
                 return Ok(());
             }
@@ -237,8 +263,12 @@ fn number(what: &'static str, word: &str) -> Result<f64, Fault> {
 
 /// A pose of three words.
 fn pose(words: &[&str]) -> Result<Isometry2<f64>, Fault> {
-    let [x, y, angle] = [0, 1, 2].map(|i| number(["x", "y", "an angle"][i], words[i]));
-    Ok(Isometry2::new(Vector2::new(x?, y?), angle?))
+    let coordinate = |what, word| match number(what, word)? {
+        found if found.abs() > FARTHEST => Err(Fault::Far { what, found }),
+        found => Ok(found),
+    };
+    let (x, y) = (coordinate("x", words[0])?, coordinate("y", words[1])?);
+    Ok(Isometry2::new(Vector2::new(x, y), number("an angle", words[2])?))
 }
 
 impl<R: BufRead> Iterator for Reader<R> {
@@ -251,7 +281,10 @@ impl<R: BufRead> Iterator for Reader<R> {
                 Ok(Some(line)) => self.scan(&line),
                 Err(fault) => Err(fault),
             };
-            self.is_over = matches!(scan, Err(Fault::Io(_)));
+            self.is_over = matches!(scan, Err(Fault::Io(_) | Fault::NoScan));
+            if let Ok(Some(_)) = scan {
+                self.apart = 0;
+            }
             let error = |fault| CarmenError { log: self.log.clone(), line: self.line, fault };
             if let Some(next) = scan.transpose() {
                 return Some(next.map_err(error));
@@ -310,6 +343,17 @@ mod tests {
         assert_eq!(scans[0].time, None);
     }
 
+    /// Regression: one `ODOM` from nowhere made a NaN of where wheels said that the robot was, for the rest of the log.
+    #[test]
+    fn a_position_that_is_on_no_map_spoils_no_other() {
+        let odom = |x: &str, time: f64| format!("ODOM {x} 0 0 0 0 0 {time} host {time}\n");
+        let scan = |time: f64| format!("FLASER 1 1.0 0 0 0 0 0 0 {time} host {time}\n");
+        let log = [odom("1", 1.0), scan(1.5), odom("1e308", 2.0), odom("-1e308", 3.0), odom("2", 4.0), scan(4.5)];
+        let (scans, errors) = read(&log.concat());
+        assert_eq!((scans.len(), errors.len()), (2, 2), "{errors:?}");
+        assert_eq!(scans[1].odometry, Isometry2::translation(2.0, 0.0));
+    }
+
     #[test]
     fn bad_lines_are_said_and_passed_over() {
         let long = format!("FLASER 1 {}\n", "1".repeat(300_000));
@@ -324,6 +368,7 @@ mod tests {
             &long,
             "ODOM 0 nan 0 0 0 0 1.0 host 1.0\n",
             "ODOM 0 0\n",
+            "ODOM 0 -1e308 0 0 0 0 1.0 host 1.0\n",
             "FLASER 2 1.0 2.0 0 0 0 0 0 0 7.0 host 7.0\n",
         ];
         let (scans, errors) = read(&log.concat());
@@ -337,9 +382,44 @@ mod tests {
             "a.log:8: a line of more than 262144 bytes: this is no CARMEN log",
             "a.log:9: \"nan\" as y: a finite number would be right",
             "a.log:10: ODOM with 3 words: 10 would be right",
+            &format!("a.log:11: {} m as y: at most 10000000 m, either way, would be right", -1e308),
         ];
         assert_eq!(errors, wanted);
-        assert_eq!(scans.iter().map(|scan| scan.line).collect::<Vec<_>>(), [4, 11]);
+        assert_eq!(scans.iter().map(|scan| scan.line).collect::<Vec<_>>(), [4, 12]);
+    }
+
+    /// Regression: two megabytes that gzip had made of empty lines were read for minutes, and those of one that only begins like a scan
+    /// took all memory.
+    #[test]
+    fn a_log_with_much_text_and_no_scan_is_not_read_to_its_end() {
+        let scan = b"FLASER 1 1.0 9 9 0 1 2 0 0 host 0\n";
+        for filling in ["\n", "FLASER\n", "# a comment\n", "x"] {
+            let endless = std::io::BufReader::new(Filling(filling.as_bytes(), 0).take(2 * MAX_APART));
+            let log = std::io::Read::chain(&scan[..], endless);
+            let mut reader = Reader::new("a.log", std::io::BufReader::new(log));
+            assert!(reader.next().unwrap().is_ok());
+            let mut last = reader.next().unwrap().unwrap_err().to_string();
+            for next in reader {
+                last = next.unwrap_err().to_string();
+            }
+            assert!(last.contains("no scan in 16777216 bytes: this is no CARMEN log"), "{filling:?}: {last}");
+        }
+        // What is said between two scans counts for these two.
+        let hours = [scan, &b"# a comment\n".repeat(100_000)[..]].concat().repeat(20);
+        assert_eq!(Reader::new("a.log", hours.as_slice()).filter(Result::is_ok).count(), 20);
+    }
+
+    /// The same bytes, over and over.
+    struct Filling(&'static [u8], usize);
+
+    impl Read for Filling {
+        fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+            for byte in &mut *to {
+                *byte = self.0[self.1 % self.0.len()];
+                self.1 += 1;
+            }
+            Ok(to.len())
+        }
     }
 
     #[test]

@@ -102,6 +102,9 @@ impl SensorApp {
                 .on(&MAP, Self::on_map)
                 .on(&MAP_PART, Self::on_map_part)
                 .with(self),
+            false if self.robot.playback().is_some() => {
+                table.on(PLAYBACK.subscription().as_it_comes(), Self::on_playback).with(self)
+            }
             false => table.with(self),
         }
     }
@@ -172,13 +175,15 @@ impl SensorApp {
             // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
             if command.id < last {
                 tell(format_args!("pose command {} ignored: {last} is already carried out", command.id));
-                return self.publish_pose(comms);
+                self.publish_pose(comms)?;
+                return self.publish_playback(comms);
             }
             return Ok(());
         }
         if let Err(foreign) = self.look_at_number(&command) {
             // Whoever counts otherwise learns from it how many there were.
             self.publish_pose(comms)?;
+            self.publish_playback(comms)?;
             return Err(foreign.into());
         }
         if self.robot.command() == 0 && command.id > 1 {
@@ -286,6 +291,26 @@ impl SensorApp {
         .into())
     }
 
+    /// How far somebody else says that the recording is. Whoever plays it goes by that, so the sensor has the last word here, too.
+    fn on_playback(&mut self, comms: &mut Comms, mail: Mail<'_>) -> Result<(), AppError> {
+        let said = mail.decode(&PLAYBACK);
+        let Some(own) = self.robot.playback() else { return Ok(()) };
+        if mail.source() == comms.name() || said.as_ref().is_ok_and(|said| *said == own) {
+            return Ok(());
+        }
+        self.publish_playback(comms)?;
+        let said = said?;
+        Err(Rejection::new(format_args!(
+            "it is not the recording's, as {} knows, whose variable this is: it is at command {} and scan {}, not {} and {}",
+            comms.name(),
+            own.command,
+            own.scans,
+            said.command,
+            said.scans
+        ))
+        .into())
+    }
+
     fn report(&self) -> SensorReport {
         SensorReport {
             scans: self.robot.scans(),
@@ -345,6 +370,7 @@ mod tests {
     use elk_bus::{BrokerConfig, Client, Clock, Community, any};
     use elk_geometry::{State, Voxel};
     use elk_spatial::keys::SCAN;
+    use elk_spatial::playback::Playback;
 
     use super::*;
     use crate::simulator::{Settings, Simulator};
@@ -386,6 +412,52 @@ mod tests {
             comms.flush().unwrap();
         }
         count
+    }
+
+    /// Regression: whoever said once that a recording was elsewhere stopped who plays it, for good.
+    #[test]
+    fn who_says_that_the_recording_is_elsewhere_is_answered_where_it_is() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let (mut sensor, mut probe) = (join(&broker, "Recorded"), join(&broker, "probe"));
+        let robot = Robot::carried(crate::recording::mostly(1, 100, 0.0));
+        let mut app = SensorApp::new(robot, (SCAN, camera_pose("SIM_SENSOR"))).on_the_bus();
+        app.on_start_up(&mut sensor.comms).unwrap();
+        probe.comms.register(PLAYBACK.subscription().from("Recorded")).unwrap();
+        let command = |id| PoseCommand { id, via: Vec::new(), pose: Pose(Isometry3::identity()) };
+        for id in 1..=3 {
+            probe.comms.publish(&POSE_COMMAND, &command(id)).unwrap();
+        }
+        probe.comms.flush().unwrap();
+        assert_eq!(rejections(&mut app, &mut sensor), 0);
+        let truth = app.state.robot.playback().unwrap();
+        assert_eq!((truth.command, truth.scans), (3, 3));
+        let mut last = || {
+            let mut last = None;
+            probe.receive(Duration::ZERO, |mail| last = mail.decode(&PLAYBACK).ok().or(last.take())).unwrap();
+            last
+        };
+        assert_eq!(last().as_ref(), Some(&truth));
+        let mut liar = join(&broker, "liar");
+        for lie in [
+            Playback { command: 1 << 40, ..truth.clone() },
+            Playback { command: 1, ..truth.clone() },
+            Playback { scans: 1 << 40, ..truth.clone() },
+            Playback { next_secs: Some(1e9), ..truth.clone() },
+        ] {
+            liar.comms.publish(&PLAYBACK, &lie).unwrap();
+            liar.comms.flush().unwrap();
+            assert_eq!(rejections(&mut app, &mut sensor), 1, "{lie:?}");
+            assert_eq!(last().as_ref(), Some(&truth), "{lie:?}");
+        }
+        // What is true may be said by anybody; commands of elsewhere are answered as well.
+        liar.comms.publish(&PLAYBACK, &truth).unwrap();
+        liar.comms.flush().unwrap();
+        assert_eq!((rejections(&mut app, &mut sensor), last()), (0, None));
+        for (id, rejected) in [(1, 0), (1 << 40, 1)] {
+            liar.comms.publish(&POSE_COMMAND, &command(id)).unwrap();
+            liar.comms.flush().unwrap();
+            assert_eq!((rejections(&mut app, &mut sensor), last().as_ref()), (rejected, Some(&truth)));
+        }
     }
 
     /// What the probe has been sent, as key and the command, scan or revision that it carries.

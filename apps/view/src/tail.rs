@@ -26,7 +26,7 @@ impl Tail {
 
     /// The message with the lines that have come; `None`: there are none, or no log yet.
     pub fn read(&mut self) -> Option<Value> {
-        let mut file = File::open(&self.path).ok()?;
+        let mut file = elk_outside::file::open(&self.path).ok()?;
         let length = file.metadata().ok()?.len();
         // One that is shorter than it was has begun anew.
         let at = self.at.filter(|at| *at <= length).unwrap_or(length.saturating_sub(MOST));

@@ -65,6 +65,7 @@ pub use registry::Registry;
 pub use setting::{Override, OverrideError};
 pub use spec::{AppSpec, AppType, Mission, Mode, Preflight, PreflightReport, Program};
 pub use value::{ValueError, expanded};
+pub use xml::crowded;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

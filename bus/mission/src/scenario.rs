@@ -14,7 +14,7 @@ use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::setting::Override;
 use crate::spec::{AppSpec, Mission, Mode};
-use crate::xml::loose_text;
+use crate::xml::{crowded, loose_text};
 use crate::{variables, wiring};
 
 /// The most apps of a mission: each is a process.
@@ -38,6 +38,10 @@ pub(crate) fn check(
     overrides: &[Override],
     problems: &mut Findings,
 ) -> Option<Mission> {
+    if let Some((at, what)) = crowded(text) {
+        problems.add(&At::Byte(at.saturating_sub(1)), what);
+        return None;
+    }
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = match Document::parse_with_options(text, options) {
         Ok(document) => document,

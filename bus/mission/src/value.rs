@@ -194,6 +194,10 @@ fn file(text: &str, builtin: &[&str], at_once: bool, folder: &Path) -> Result<Pa
         false if path.is_dir() => {
             Err(ValueError { found: format!("{} is a folder", path.display()), right: "right is a file".to_owned() })
         }
+        false if path.exists() => Err(ValueError {
+            found: format!("{} is no ordinary file", path.display()),
+            right: "right is a file".to_owned(),
+        }),
         false => Err(ValueError {
             found: format!("there is no file {}", path.display()),
             right: instead_of_file(text, builtin, &path),

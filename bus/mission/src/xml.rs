@@ -4,6 +4,25 @@ use roxmltree::Node;
 
 use crate::problem::{At, Findings};
 
+/// The most attributes of an element: they are held against each other, each against all.
+const MOST_ATTRIBUTES: usize = 1000;
+
+/// Where an element with too many attributes begins, and what is right: looked for before the text is read as XML, by quotes, of
+/// which each attribute has two.
+pub fn crowded(text: &str) -> Option<(usize, String)> {
+    let mut from = 0;
+    for element in text.split_inclusive('<') {
+        let quotes = element.bytes().filter(|byte| matches!(byte, b'"' | b'\'')).count();
+        if quotes > 2 * MOST_ATTRIBUTES {
+            let what =
+                format!("there are {quotes} quotes in one element; at most {MOST_ATTRIBUTES} attributes are right");
+            return Some((from, what));
+        }
+        from += element.len();
+    }
+    None
+}
+
 /// Text between elements is a forgotten tag.
 pub(crate) fn loose_text(parent: Node, problems: &mut Findings) {
     for text in parent.children().filter(Node::is_text) {
@@ -29,4 +48,20 @@ pub(crate) fn value_at(node: Node) -> Option<At> {
 /// The text of a text node; comments have text, too, and do not count.
 pub(crate) fn own_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
     node.text().filter(|_| node.is_text())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Regression: half a megabyte of one element's attributes took seconds to be held against each other.
+    #[test]
+    fn attributes_are_counted_before_they_are_read() {
+        let with = |attributes: usize| format!("<A>\n<B {}/></A>", "a = '1' ".repeat(attributes));
+        assert_eq!(crowded(&with(MOST_ATTRIBUTES)), None);
+        let (byte, what) = crowded(&with(MOST_ATTRIBUTES + 1)).unwrap();
+        assert_eq!(&with(1)[byte..=byte], "B");
+        assert_eq!(what, "there are 2002 quotes in one element; at most 1000 attributes are right");
+        assert_eq!(crowded(&"<a b='1'/>".repeat(10_000)), None, "of many elements each has few");
+    }
 }

@@ -23,7 +23,8 @@ use elk_proto::wire::{self, ClientId, Frame, FrameKind, Header, WireError};
 use crate::hello::{Hello, Welcome, name_taken, put_poison};
 use crate::message::SHORTEST;
 use crate::packet::{Event, StreamError};
-use crate::session::Session;
+use crate::session::{Context, Session};
+use crate::text::Forms;
 pub use address::{Address, AddressError, GatewayError, GatewayOptions, Network};
 use answers::Answering;
 use connection::{Connection, Look, Named};
@@ -119,6 +120,8 @@ pub struct Gateway {
     complained_at: Option<u64>,
     batch: Vec<u8>,
     spare: Vec<Vec<u8>>,
+    /// What types are as texts, for all clients.
+    forms: Forms,
 }
 
 /// Why a connection ends.
@@ -200,6 +203,7 @@ impl Gateway {
             complained_at: None,
             batch: Vec::new(),
             spare: Vec::new(),
+            forms: Forms::default(),
         })
     }
 
@@ -333,7 +337,9 @@ impl Gateway {
         while taken.is_ok() {
             match decoder.next_event() {
                 Ok(Some(Event::Message { message, first })) => {
-                    client.session.take(&message, first, &round.host.broker, &mut batch);
+                    let broker = &mut round.host.broker;
+                    let mut context = Context { id: client.id, broker, forms: &mut self.forms };
+                    client.session.take(&message, first, &mut context, &mut batch);
                 }
                 Ok(Some(Event::End)) => client.session.end_packet(),
                 Ok(Some(Event::TooLong { bytes })) => client.session.note_too_long(bytes, LONGEST_MESSAGE),
@@ -368,7 +374,7 @@ impl Gateway {
     ) -> Result<(), End> {
         self.free_name(&hello.name, round);
         let at = monotonic_nanos();
-        let who = Introduction { build: "a client of MOOS'", ..Introduction::new(&hello.name) };
+        let who = Introduction { build: "a client of MOOS'", inside: true, ..Introduction::new(&hello.name) };
         let admitted = match self.by_client.len() >= self.options.connections {
             true => Err(AdmissionError::Full(self.options.connections).to_string()),
             false => round.host.join(round.now, &who, round.endpoints).map_err(|refused| match refused {
@@ -486,7 +492,8 @@ impl Gateway {
             let time = round.time();
             let mut out = std::mem::take(connection.out(at));
             let Connection { client: Some(client), .. } = connection else { return Ok(false) };
-            client.session.put_packet(time, &batch, &mut { answering }, &mut out);
+            let broker = &round.host.broker;
+            client.session.put_packet(time, &batch, broker, &mut self.forms, &mut { answering }, &mut out);
             round.say_refusals(client);
             *connection.out(at) = out;
             if !batch.is_empty() {

@@ -12,12 +12,12 @@ use elk_proto::wire::{self, Frame, FrameKind};
 use crate::hello::Manner;
 use crate::message::{Data, Kind, Message, REQUEST_ID};
 use crate::packet::PacketWriter;
-use crate::text::Texts;
+use crate::text::{Forms, Texts};
 use down::Down;
 pub use down::data_of;
 pub use refusal::Refusal;
-pub use up::BYTES_TYPE;
 use up::Up;
+pub use up::{BYTES_TYPE, Context};
 
 /// What a client asks the server, in the order in which it is answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,10 +79,10 @@ impl Session {
     }
 
     /// Takes a message of the client's, the `first` of its packet or a later one; what it says to the broker is appended
-    /// to `batch`. Bytes are of the type that their variable carries in `broker`.
-    pub fn take(&mut self, message: &Message<'_>, first: bool, broker: &Broker, batch: &mut Vec<u8>) {
+    /// to `batch`. Bytes are of the type that their variable carries in the broker.
+    pub fn take(&mut self, message: &Message<'_>, first: bool, context: &mut Context<'_>, batch: &mut Vec<u8>) {
         let said = match message.kind {
-            Kind::NOTIFY => self.up.notify(message, broker, batch),
+            Kind::NOTIFY => self.up.notify(message, context, batch),
             Kind::REGISTER => self.up.register(message, FrameKind::Register, batch),
             Kind::UNREGISTER => self.up.register(message, FrameKind::Unregister, batch),
             Kind::WILDCARD_REGISTER => self.up.wildcard(message, FrameKind::Register, batch),
@@ -168,7 +168,15 @@ impl Session {
 
     /// Appends the next packet to `out`: the server's clock (`time`, s) if it is owed, then the mail in `batch`, as the
     /// broker gave it, then `answers`. Whether there is any.
-    pub fn put_packet(&mut self, time: f64, batch: &[u8], answers: &mut dyn Answers, out: &mut Vec<u8>) -> bool {
+    pub fn put_packet(
+        &mut self,
+        time: f64,
+        batch: &[u8],
+        broker: &Broker,
+        forms: &mut Forms,
+        answers: &mut dyn Answers,
+        out: &mut Vec<u8>,
+    ) -> bool {
         let mut packet = PacketWriter::new(out);
         match self.manner {
             Manner::Synchronous => {
@@ -184,29 +192,28 @@ impl Session {
             }
         }
         for frame in wire::frames(batch).map_while(Result::ok) {
-            self.tell(&frame, &mut packet);
+            self.tell(&frame, broker, forms, &mut packet);
         }
         answers.put(&mut packet);
         packet.finish()
     }
 
-    fn tell(&mut self, frame: &Frame<'_>, packet: &mut PacketWriter<'_>) {
+    fn tell(&mut self, frame: &Frame<'_>, broker: &Broker, forms: &mut Forms, packet: &mut PacketWriter<'_>) {
         match frame.header.kind {
             FrameKind::Notify => {
                 self.given += 1;
-                if let Err(refusal) = self.down.put_into_text(frame) {
+                if let Err(refusal) = self.down.put_into_text(frame, broker, forms) {
                     self.refuse(refusal);
                 }
-                if let Some(message) = self.down.message(frame) {
+                if let Some(message) = self.down.message(frame, broker) {
                     packet.put(&message);
                 }
             }
-            FrameKind::Define => self.down.define(frame),
             FrameKind::Refused => {
                 let [key, reason] = [frame.aux, frame.value].map(|text| String::from_utf8_lossy(text).into_owned());
                 self.refuse(Refusal { key, reason });
             }
-            // What was dropped stands in DB_DROPS, and the community's clock in the signs of life.
+            // Names are the broker's, what was dropped stands in DB_DROPS, and the community's clock in the signs of life.
             _ => {}
         }
     }

@@ -19,8 +19,12 @@ mod keys;
 mod read;
 mod write;
 
+use std::collections::HashMap;
+
+use elk_proto::broker::Broker;
 use elk_proto::pattern;
 use elk_proto::types::Type;
+use elk_proto::wire::Named;
 
 pub use read::Read;
 
@@ -98,6 +102,25 @@ impl Form {
             .map_err(|reason| format!("this is no {}: {reason}", self.0.as_ref().name()))?;
         let bytes = description.to_bytes(&said.json).map_err(|error| error.to_string())?;
         Ok(Read { bytes, time: said.time })
+    }
+}
+
+/// The forms of a broker's types, by its numbers, as far as somebody needed them: one of each, whoever hears or says values of it.
+#[derive(Debug, Default)]
+pub struct Forms(HashMap<u32, Result<Form, String>>);
+
+impl Forms {
+    /// The form of a type.
+    ///
+    /// # Errors
+    /// See [`Form::of`].
+    pub fn of(&mut self, type_: u32, broker: &Broker) -> Result<&Form, String> {
+        let (name, layout, description) = broker.said(Named::Type, type_);
+        if description.is_empty() {
+            return Err(format!("nobody has described {name}"));
+        }
+        let form = self.0.entry(type_).or_insert_with(|| Form::of(Type::from_text(name, layout, description)?));
+        form.as_ref().map_err(Clone::clone)
     }
 }
 

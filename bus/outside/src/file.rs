@@ -83,6 +83,11 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
         (false, Some(folder)) => std::fs::create_dir_all(folder)?,
         (false, None) => {}
     }
+    put(path, bytes)
+}
+
+/// Writes a draft beside a path, and gives it that name.
+fn put(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut draft = path.as_os_str().to_owned();
     draft.push(format!(".{}.new", std::process::id()));
     let written = File::create_new(&draft).and_then(|mut file| {
@@ -95,6 +100,21 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
         let _ = std::fs::remove_file(&draft);
     }
     placed
+}
+
+/// Puts an ordinary file into a folder that may come from elsewhere, in one step, as [`replace`] does: a link in its place is
+/// itself replaced, and nothing is written where it leads.
+///
+/// # Errors
+/// As [`write()`]; what is there is neither an ordinary file nor a link.
+pub fn place(path: &Path, bytes: &[u8]) -> Result<()> {
+    match std::fs::symlink_metadata(path) {
+        Ok(found) if !found.is_symlink() => ordinary(&found)?,
+        Ok(_) => {}
+        Err(error) if error.kind() == ErrorKind::NotFound => {}
+        Err(error) => return Err(error),
+    }
+    put(path, bytes)
 }
 
 /// Sees that [`write()`] could write a file there, which need not be there yet: its folder is made.
@@ -193,6 +213,28 @@ mod tests {
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "no draft is left");
         for wrong in [folder.path(), &path.join("more"), Path::new("/proc/self/map.bt"), Path::new("/dev/full")] {
             assert!(replace(wrong, b"").is_err(), "{}", wrong.display());
+        }
+    }
+
+    /// Regression: a run's folder with a link in it had its picture written over whatever file the link named.
+    #[test]
+    fn what_is_placed_follows_no_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let [mine, link, missing, to_missing, fifo] =
+            ["mine", "link", "missing", "to_missing", "fifo"].map(|name| folder.path().join(name));
+        std::fs::write(&mine, "mine").unwrap();
+        std::os::unix::fs::symlink(&mine, &link).unwrap();
+        std::os::unix::fs::symlink(&missing, &to_missing).unwrap();
+        for path in [&link, &to_missing, &folder.path().join("new")] {
+            for bytes in ["a picture", "another"] {
+                place(path, bytes.as_bytes()).unwrap();
+                assert!(path.symlink_metadata().unwrap().is_file() && read(path, 100).unwrap() == bytes.as_bytes());
+            }
+        }
+        assert!(std::fs::read(&mine).unwrap() == b"mine" && !missing.exists());
+        rustix::fs::mkfifoat(rustix::fs::CWD, &fifo, rustix::fs::Mode::RWXU).unwrap();
+        for (wrong, why) in [(&fifo, "it is a FIFO"), (&folder.path().to_owned(), "it is a folder")] {
+            assert!(place(wrong, b"").unwrap_err().to_string().starts_with(why), "{}", wrong.display());
         }
     }
 

@@ -112,7 +112,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     if user != elk_os::own_user() {
         return Err(ConnectError::ForeignUser { community: community.clone(), process, user });
     }
-    let Introduction { name, build, lease_secs, succeeds, returns } = *who;
+    let Introduction { name, build, lease_secs, succeeds, returns, .. } = *who;
     let (name, build) = (name.to_owned(), build.to_owned());
     let hello = Hello { protocol: handshake::PROTOCOL, name, build, lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;

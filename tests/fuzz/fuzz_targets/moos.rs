@@ -5,8 +5,8 @@
 use elk_bus::broker::{Broker, BrokerConfig};
 use elk_bus::moos::hello::{Hello, Manner};
 use elk_bus::moos::packet::{Decoder, Event};
-use elk_bus::moos::session::Session;
-use elk_bus::moos::text::Texts;
+use elk_bus::moos::session::{Context, Session};
+use elk_bus::moos::text::{Forms, Texts};
 use elk_bus::wire::{FrameKind, Header, Named, TYPED, ValueKind};
 use elk_bus::{Introduction, Payload, TypeRef, wire};
 use libfuzzer_sys::fuzz_target;
@@ -36,7 +36,9 @@ fuzz_target!(|data: &[u8]| {
     let Some(([piece, manner, any_source], said)) = data.split_first_chunk() else { return };
     let manner = if manner % 2 == 0 { Manner::Asynchronous } else { Manner::Synchronous };
     let mut broker = Broker::new(BrokerConfig::new("fuzz"), 1.0);
-    let id = broker.connect(1.0, &Introduction::new("stranger")).unwrap();
+    let who = Introduction { inside: true, ..Introduction::new("stranger") };
+    let id = broker.connect(1.0, &who).unwrap();
+    let mut forms = Forms::default();
     read_poses(&mut broker);
     let mut session = Session::new("stranger", manner, 1, any_source % 2 == 0, &Texts::of("*"));
     let mut decoder = Decoder::of_client(LONGEST);
@@ -49,7 +51,8 @@ fuzz_target!(|data: &[u8]| {
             match decoder.next_event() {
                 Ok(Some(Event::Message { message, first })) => {
                     let _ = Hello::read(&message);
-                    session.take(&message, first, &broker, &mut batch);
+                    let mut context = Context { id, broker: &mut broker, forms: &mut forms };
+                    session.take(&message, first, &mut context, &mut batch);
                 }
                 Ok(Some(Event::End)) => session.end_packet(),
                 Ok(Some(Event::TooLong { bytes })) => session.note_too_long(bytes, LONGEST),
@@ -59,18 +62,18 @@ fuzz_target!(|data: &[u8]| {
             }
         }
         broker.receive(1.0, id, &batch).expect("a session says whole frames, and no number that it has not named");
-        hear(&mut broker, id, &mut session);
+        hear(&mut broker, id, &mut session, &mut forms);
     }
 });
 
 /// What the client is told.
-fn hear(broker: &mut Broker, id: wire::ClientId, session: &mut Session) {
+fn hear(broker: &mut Broker, id: wire::ClientId, session: &mut Session, forms: &mut Forms) {
     if !session.may_be_told() {
         return;
     }
     let (mut mail, mut out) = (Vec::new(), Vec::new());
     broker.take_mail(id, usize::MAX, &mut mail, |_, _| {});
-    if !session.put_packet(1.0, &mail, &mut (), &mut out) {
+    if !session.put_packet(1.0, &mail, broker, forms, &mut (), &mut out) {
         assert!(out.is_empty());
         return;
     }

@@ -11,4 +11,6 @@ mod player;
 pub(crate) use estimator::in_space;
 pub use estimator::{IcpSettings, PoseEstimator};
 pub use frame::{BadFrame, Frame, Recording};
+#[cfg(test)]
+pub(crate) use player::tests::player as mostly;
 pub use player::{Advance, Player};

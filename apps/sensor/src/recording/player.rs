@@ -4,10 +4,15 @@ use elk_bus::Describe;
 use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
 use elk_spatial::playback::{Playback, PoseEstimate};
+use nalgebra::Isometry3;
 
 use super::estimator::{Located, PoseEstimator};
 use super::frame::{BadFrame, Frame, Recording};
 use crate::source::Seen;
+
+/// Frames that are taken at a time while none of them becomes a scan: what is said of them, and how long nobody else is
+/// heard, is bounded by it.
+const MOST_AT_A_TIME: usize = 256;
 
 /// A recording on its way.
 pub struct Player {
@@ -39,7 +44,8 @@ pub struct Advance {
 impl Player {
     /// At the recording's beginning; `frames`: only so many are played.
     pub fn new(recording: Box<dyn Recording>, estimator: PoseEstimator, frames: Option<u64>) -> Self {
-        let start = recording.start();
+        let start = Some(recording.start()).filter(|pose| pose.check().is_ok());
+        let start = start.unwrap_or(Pose(Isometry3::identity()));
         let (last, off) = (None, (0.0, 0));
         let (frames, left) = (0, frames);
         Self { recording, estimator, left, start, last, frames, scans: 0, bad: 0, lost: 0, path_length_m: 0.0, off }
@@ -65,10 +71,13 @@ impl Player {
         self.last.as_ref().map(|(_, seen)| seen)
     }
 
-    /// Takes frames until there is a scan, or no more.
+    /// Takes frames until there is a scan, or no more, or many were none: then the next call goes on.
     pub fn advance(&mut self) -> Advance {
         let (mut advance, scans) = (Advance::default(), self.scans);
-        while self.scans == scans && self.next_secs().is_some() {
+        for _ in 0..MOST_AT_A_TIME {
+            if self.scans > scans || self.next_secs().is_none() {
+                break;
+            }
             let Some(next) = self.recording.next() else { break };
             self.frames += 1;
             self.left = self.left.map(|left| left.saturating_sub(1));
@@ -161,5 +170,83 @@ impl Player {
         let no_return = frame.no_return.iter().copied().collect();
         self.last = Some((pose, Seen { points, no_return }));
         self.scans += 1;
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::recording::PoseEstimator;
+
+    /// Frames that are none, with a scan behind each so many.
+    struct Mostly {
+        bad: usize,
+        left: usize,
+        start: Pose,
+    }
+
+    impl Recording for Mostly {
+        fn camera(&self) -> CameraInfo {
+            CameraInfo { columns: 1, rows: 1, fov_x: 1.0, fov_y: 1.0, range_m: 1.0, inverse_depth_sigma: 0.0 }
+        }
+
+        fn next_secs(&self) -> Option<f64> {
+            (self.left > 0).then_some(0.0)
+        }
+
+        fn next(&mut self) -> Option<Result<Frame, BadFrame>> {
+            self.left = self.left.checked_sub(1)?;
+            let name = self.left.to_string();
+            Some(match self.left % (self.bad + 1) {
+                0 => Ok(Frame {
+                    name,
+                    secs: 0.0,
+                    pose: Ok(Pose(Isometry3::identity())),
+                    odometry: None,
+                    points: Vec::new(),
+                    no_return: Vec::new(),
+                }),
+                _ => Err(BadFrame { frame: name, why: "it is none".to_owned() }),
+            })
+        }
+
+        fn start(&self) -> Pose {
+            self.start
+        }
+    }
+
+    /// A player of a recording of `left` frames, of which so many are bad before each that is none, and that says it begins at x.
+    pub(crate) fn player(bad: usize, left: usize, x: f64) -> Player {
+        let start = Pose(Isometry3::translation(x, 0.0, 0.0));
+        Player::new(Box::new(Mostly { bad, left, start }), PoseEstimator::Recorded, None)
+    }
+
+    /// Regression: half a megabyte of a log had a sensor gather millions of bad lines before it said the first.
+    #[test]
+    fn frames_that_are_none_are_said_before_all_are_gone_through() {
+        let mut player = player(999, 10_000, 0.0);
+        let (mut calls, mut passed_over) = (0, 0);
+        while player.next_secs().is_some() {
+            let advance = player.advance();
+            assert!(advance.passed_over.len() <= MOST_AT_A_TIME);
+            (calls, passed_over) = (calls + 1, passed_over + advance.passed_over.len());
+        }
+        assert_eq!((player.scans(), passed_over), (10, 9990));
+        assert_eq!(calls, 10 * 1000usize.div_ceil(MOST_AT_A_TIME));
+    }
+
+    #[test]
+    fn who_comes_later_finds_the_scan_among_frames_that_are_none() {
+        let mut player = player(999, 10_000, 0.0);
+        player.seek(7);
+        assert_eq!(player.scans(), 7);
+        assert_eq!(player.playback(0).frames, 7000);
+    }
+
+    /// Regression: the start of a recording was said as it was recorded, nobody believed it, and its mission stood still.
+    #[test]
+    fn a_start_that_cannot_be_is_not_said() {
+        assert_eq!(player(1, 2, 1e300).playback(0).pose, Pose(Isometry3::identity()));
+        assert_eq!(player(1, 2, 3.0).playback(0).pose.position().x, 3.0);
     }
 }

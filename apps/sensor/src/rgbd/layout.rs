@@ -9,7 +9,10 @@ use elk_outside::file;
 use super::pose::{of_line, of_matrix};
 
 /// The longest list of a folder that is read (bytes).
-const LONGEST_LIST: u64 = 1 << 28;
+const LONGEST_LIST: u64 = 1 << 27;
+/// The most frames of a recording (two hours at 30 a second), and the most poses that a list has for them.
+const MOST_FRAMES: usize = 1 << 18;
+const MOST_POSES: usize = 1 << 20;
 /// The longest file of one pose that is read (bytes).
 const LONGEST_POSE: u64 = 1 << 14;
 /// An image's pose is the nearest in time, up to so far away (s), as the TUM benchmark's own tools have it.
@@ -43,6 +46,9 @@ pub enum RecordingError {
         /// Why not.
         why: String,
     },
+    /// There are too many frames in it.
+    #[error("{}: there are more than {MOST_FRAMES} frames in it; right is a part of it", .0.display())]
+    Long(PathBuf),
     /// None of its images can be used.
     #[error("none of the {frames} depth images in {} can be used; {first}", .folder.display())]
     Unusable {
@@ -99,6 +105,7 @@ pub(super) fn frames(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
         false => numbered(folder, &names),
     };
     match frames.iter().any(|frame| frame.depths.is_ok()) {
+        true if frames.len() > MOST_FRAMES => Err(RecordingError::Long(folder.to_owned())),
         true => Ok(frames),
         false => Err(RecordingError::Empty(folder.to_owned())),
     }
@@ -128,7 +135,7 @@ fn numbered(folder: &Path, names: &BTreeSet<String>) -> Vec<Listed> {
 /// As TUM's benchmark has them: lists of images and of poses, with their times.
 fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
     let poses: Vec<(f64, Pose)> = match folder.join("groundtruth.txt") {
-        list if list.exists() => lines(&list, of_line)?,
+        list if list.exists() => lines(&list, MOST_POSES, of_line)?,
         _ => Vec::new(),
     };
     let mut poses = poses;
@@ -155,7 +162,7 @@ fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
             pose: Posed::Known(near.ok_or_else(none)),
         }
     };
-    Ok(lines(&folder.join("depth.txt"), image)?.into_iter().map(&mut listed).collect())
+    Ok(lines(&folder.join("depth.txt"), MOST_FRAMES, image)?.into_iter().map(&mut listed).collect())
 }
 
 fn nearest(poses: &[(f64, Pose)], secs: f64) -> Option<Pose> {
@@ -166,12 +173,16 @@ fn nearest(poses: &[(f64, Pose)], secs: f64) -> Option<Pose> {
     (apart(&near) <= APART_SECS).then_some(near.1)
 }
 
-/// The lines of a list that are no comments.
-fn lines<T>(list: &Path, read: impl Fn(&str) -> Result<T, String>) -> Result<Vec<T>, RecordingError> {
+/// The lines of a list that are no comments, at most so many.
+fn lines<T>(list: &Path, most: usize, read: impl Fn(&str) -> Result<T, String>) -> Result<Vec<T>, RecordingError> {
     let wrong = |why: String| RecordingError::List { list: list.to_owned(), why };
     let text = file::read_text(list, LONGEST_LIST).map_err(|error| wrong(error.to_string()))?;
     let lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    lines.map(|(i, line)| read(line).map_err(|why| wrong(format!("line {}: {why}", i + 1)))).collect()
+    let read = |(nth, (i, line)): (usize, (usize, &str))| match nth < most {
+        true => read(line).map_err(|why| wrong(format!("line {}: {why}", i + 1))),
+        false => Err(wrong(format!("there are more than {most} lines in it"))),
+    };
+    lines.enumerate().map(read).collect()
 }
 
 #[cfg(test)]
@@ -236,5 +247,18 @@ mod tests {
             let folder = folder(&lists);
             assert!(said(folder.path()).contains(why), "{}", said(folder.path()));
         }
+    }
+
+    /// Regression: lists of a quarter of a gigabyte became gigabytes of frames.
+    #[test]
+    fn lists_are_as_long_as_a_recording() {
+        let said = |lists: &[(&str, &str)]| frames(folder(lists).path()).unwrap_err().to_string();
+        let images = "1 a.png\n".repeat(MOST_FRAMES + 1);
+        assert!(said(&[("depth.txt", &images)]).contains("depth.txt: there are more than 262144 lines in it"));
+        let poses = "1 0 0 0 0 0 0 1\n".repeat(MOST_POSES + 1);
+        let lists = [("depth.txt", "1 a.png\n"), ("groundtruth.txt", &poses)];
+        assert!(said(&lists).contains("groundtruth.txt: there are more than 1048576 lines in it"));
+        let most = folder(&[("depth.txt", &images[8..])]);
+        assert_eq!(frames(most.path()).unwrap().len(), MOST_FRAMES);
     }
 }

@@ -166,6 +166,11 @@ fn files_that_are_made_to_be_too_much_are_refused() {
     let deep = said(&format!("{}{}", "<a>".repeat(40_000), "</a>".repeat(40_000)));
     assert_eq!(deep, "m.xml:1:1: the mission is a <a>; right is <Scenario>");
     assert!(said(&format!("<Scenario>{}</Scenario>", "<a/>".repeat(110_000))).contains("this is no well-formed XML"));
+    let one = said(&format!("<Scenario>\n<App {}/></Scenario>", "a='1' ".repeat(40_000)));
+    assert!(
+        one.ends_with("m.xml:2:1: there are 80000 quotes in one element; at most 1000 attributes are right"),
+        "{one}"
+    );
     // Of what is wrong a hundred thousand times, the first hundred are told.
     let wrong = said(&format!("<Scenario>{}</Scenario>", "<x/>y".repeat(40_000)));
     assert_eq!((wrong.lines().count(), wrong.lines().last().unwrap().contains("there is more")), (101, true));

@@ -11,6 +11,7 @@ use crate::text::Texts;
 /// A broker, and clients of MOOS' before it.
 struct Town {
     broker: Broker,
+    forms: Forms,
     now: f64,
 }
 
@@ -35,18 +36,20 @@ struct Heard {
 
 impl Town {
     fn new() -> Self {
-        Self { broker: Broker::new(BrokerConfig::new("town"), 100.0), now: 100.0 }
+        Self { broker: Broker::new(BrokerConfig::new("town"), 100.0), forms: Forms::default(), now: 100.0 }
     }
 
     fn enter(&mut self, name: &str, manner: Manner, any_source: bool) -> Citizen {
-        let id = self.broker.connect(self.now, &Introduction::new(name)).unwrap();
+        let who = Introduction { inside: true, ..Introduction::new(name) };
+        let id = self.broker.connect(self.now, &who).unwrap();
         Citizen { id, session: Session::new(name, manner, 5, any_source, &Texts::default()) }
     }
 
     fn say(&mut self, who: &mut Citizen, messages: &[Message<'_>]) {
         let mut batch = Vec::new();
         for (index, message) in messages.iter().enumerate() {
-            who.session.take(message, index == 0, &self.broker, &mut batch);
+            let mut context = Context { id: who.id, broker: &mut self.broker, forms: &mut self.forms };
+            who.session.take(message, index == 0, &mut context, &mut batch);
         }
         who.session.end_packet();
         self.broker.receive(self.now, who.id, &batch).unwrap();
@@ -55,7 +58,7 @@ impl Town {
     fn packet(&mut self, who: &mut Citizen) -> Option<Vec<u8>> {
         let (mut batch, mut out) = (Vec::new(), Vec::new());
         self.broker.take_mail(who.id, usize::MAX, &mut batch, |_, _| {});
-        let any = who.session.put_packet(self.now, &batch, &mut (), &mut out);
+        let any = who.session.put_packet(self.now, &batch, &self.broker, &mut self.forms, &mut (), &mut out);
         any.then_some(out)
     }
 

@@ -18,7 +18,7 @@ impl Broker {
     /// Takes in a message, in the numbers of its client.
     pub(super) fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let client = self.sessions.clients.get_mut(&from).ok_or("the client is not connected")?;
-        let header = match client.renumber(&frame.header) {
+        let header = match client.renumber(&frame.header, &self.names) {
             Ok(header) => header,
             Err(Unnumbered::Refused) => return Ok(()), // the client was told when it named it
             Err(Unnumbered::Undefined) => return Err(UNDEFINED),

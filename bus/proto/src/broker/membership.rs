@@ -27,12 +27,14 @@ pub struct Introduction<'a> {
     pub succeeds: bool,
     /// It was here under the broker before this one.
     pub returns: bool,
+    /// It is in the broker's process, and its frames are in the broker's own numbers (see [`Broker::number_for`]).
+    pub inside: bool,
 }
 
 impl<'a> Introduction<'a> {
     /// A newcomer without any claims.
     pub fn new(name: &'a str) -> Self {
-        Self { name, build: "", lease_secs: 0.0, succeeds: false, returns: false }
+        Self { name, build: "", lease_secs: 0.0, succeeds: false, returns: false, inside: false }
     }
 
     /// The same, come back after the broker's death.
@@ -138,7 +140,8 @@ impl Broker {
         let Introduction { name, build, lease_secs, .. } = *who;
         let lease_secs = if lease_secs.is_finite() { lease_secs.clamp(0.0, LONGEST_LEASE_SECS) } else { 0.0 };
         let build = build.chars().filter(|c| !c.is_control()).take(LONGEST_BUILD).collect();
-        let client = Client { build, ..Client::new(name, lease_secs, self.config.mailbox_bytes, now) };
+        let is_inside = who.inside;
+        let client = Client { build, is_inside, ..Client::new(name, lease_secs, self.config.mailbox_bytes, now) };
         let id = self.sessions.add(client);
         self.share_out_mail();
         id

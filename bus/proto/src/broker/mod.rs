@@ -27,6 +27,7 @@ mod wanted;
 pub use clock::CLOCK;
 pub use membership::{AdmissionError, Introduction};
 pub use retained::Retained;
+pub use state::client::ITSELF;
 pub use state::expected::Expected;
 pub use state::reached::{Reached, Succession};
 pub use state::registration::Registration;

@@ -42,6 +42,29 @@ impl Broker {
         Ok(number)
     }
 
+    /// The broker's number of a name, for a client inside ([`super::Introduction::inside`]), which says all in these numbers and
+    /// has none of its own; `layout`: a type's, 0 for all else.
+    ///
+    /// # Errors
+    /// Why it takes no further name.
+    pub fn number_for(&mut self, from: ClientId, what: Named, name: &str, layout: u64) -> Result<u32, String> {
+        let definition = Definition { layout, ..Definition::of(name) };
+        if let Some(known) = self.names.known(what, definition) {
+            return Ok(known);
+        }
+        if let Some(reason) = self.name_refusal(from, what, definition) {
+            return Err(reason);
+        }
+        self.sessions.clients.entry(from).and_modify(|client| client.brought += 1);
+        Ok(self.number(what, definition))
+    }
+
+    /// What one of the broker's numbers stands for: a name, a type's layout, and what else is said of it, of a type its
+    /// description; all of it empty: nothing.
+    pub fn said(&self, what: Named, number: u32) -> (&str, u64, &str) {
+        self.names.said(what, number)
+    }
+
     /// Those who know something by its name hear what else is said of it before its next message.
     fn define_anew(&mut self, what: Named, number: u32) {
         self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));

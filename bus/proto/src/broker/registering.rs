@@ -35,7 +35,8 @@ impl Broker {
     /// Carries a change out; a latest value that is among the `waiting` messages is not given, it is about to come.
     pub(super) fn change(&mut self, now: f64, id: ClientId, change: Change, waiting: &Messages) {
         if let Change::Add(registration) = &change
-            && let Some(reason) = self.delivery_refusal(id, registration)
+            && let Some(reason) =
+                self.pattern_refusal(id, registration).or_else(|| self.delivery_refusal(id, registration))
         {
             // Whoever has gone meanwhile need not be told.
             let _ = self.refuse(id, &registration.key_pattern, 0, &reason);
@@ -44,6 +45,7 @@ impl Broker {
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         client.registered_bytes = client.registrations.iter().map(bytes_of).sum();
+        client.registered_patterns = client.registrations.iter().filter(|one| one.is_by_pattern()).count();
         self.actions.keep_sessions = true;
         self.mark_lossless(id);
         match &change {
@@ -59,6 +61,15 @@ impl Broker {
             }
         }
         self.answer_anew(now);
+    }
+
+    /// Why a registration is one by pattern too many, if so; one that the client has already may be changed.
+    fn pattern_refusal(&self, id: ClientId, registration: &Registration) -> Option<String> {
+        let most = self.config.limits.patterns;
+        let is_full = registration.is_by_pattern() && self.sessions.patterns() >= most;
+        let has = |one: &Registration| one.same_patterns(registration);
+        let is_new = || self.sessions.clients.get(&id).is_none_or(|client| !client.registrations.iter().any(has));
+        (is_full && is_new()).then(|| format!("the community has {most} registrations by pattern already"))
     }
 
     /// Why a registration asks for too much, if so.

@@ -43,7 +43,8 @@ impl Carrier {
     fn let_in(&mut self, now: f64, connection: u64, stream: Arc<UnixStream>, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
         let Hello { protocol, name, build, lease_secs, succeeds, returns } = hello;
-        let who = Introduction { name, build, lease_secs: *lease_secs, succeeds: *succeeds, returns: *returns };
+        let claims = Introduction { succeeds: *succeeds, returns: *returns, ..Introduction::new(name) };
+        let who = Introduction { build, lease_secs: *lease_secs, ..claims };
         let admitted = match *protocol {
             handshake::PROTOCOL => self.host.join(now, &who, &mut self.peers).map_err(|refusal| refusal.to_string()),
             other => Err(format!(

@@ -4,6 +4,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use super::latency::Latency;
 use super::mailbox::Mailbox;
+use super::names::Names;
 use super::reached::Reached;
 use super::registration::Registration;
 use crate::wire::{BULK, ClientId, Header, Named, RESENT, ValueKind};
@@ -13,6 +14,9 @@ pub const REFUSED: u32 = u32::MAX;
 
 /// What a client's own number as a source stands for until it has written something.
 pub const UNNAMED: u32 = u32::MAX - 1;
+
+/// What a client inside says in the place of a source's number that means itself.
+pub const ITSELF: u32 = u32::MAX;
 
 /// How a client stands to the community.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +39,9 @@ pub struct Client {
     pub standing: Standing,
     /// How long its session is kept after its death (s).
     pub lease_secs: f64,
-    /// The client's numbers, by [`Named`], to the broker's.
+    /// It is in the broker's process, and its frames are in the broker's numbers.
+    pub is_inside: bool,
+    /// The client's numbers, by [`Named`], to the broker's; of one inside there is none but that of itself as a source.
     pub numbers: [Vec<u32>; 4],
     /// It has given so many numbers that all further ones stand for names that are not taken.
     pub is_out_of_numbers: bool,
@@ -43,6 +49,8 @@ pub struct Client {
     pub brought: usize,
     pub registrations: Vec<Registration>,
     pub registered_bytes: usize,
+    /// Registrations that are by pattern.
+    pub registered_patterns: usize,
     /// Routes that it is in.
     pub deliveries: usize,
     pub mailbox: Mailbox,
@@ -81,11 +89,13 @@ impl Client {
             build_number: None,
             standing: Standing::Present,
             lease_secs,
+            is_inside: false,
             numbers: [vec![], vec![UNNAMED], vec![], vec![0]],
             is_out_of_numbers: false,
             brought: 0,
             registrations: Vec::new(),
             registered_bytes: 0,
+            registered_patterns: 0,
             deliveries: 0,
             mailbox: Mailbox::new(mailbox_bytes, now),
             asked: Vec::new(),
@@ -102,13 +112,35 @@ impl Client {
 
     /// The header of one of the client's messages in the broker's numbers.
     #[inline]
-    pub fn renumber(&self, header: &Header) -> Result<Header, Unnumbered> {
+    pub fn renumber(&self, header: &Header, names: &Names) -> Result<Header, Unnumbered> {
+        if self.is_inside {
+            return self.checked(header, names);
+        }
         Ok(Header {
             flags: header.flags & (BULK | RESENT),
             key: self.number(Named::Key, header.key)?,
             source: self.number(Named::Source, header.source)?,
             type_: if header.value_kind == ValueKind::Binary { self.number(Named::Type, header.type_)? } else { 0 },
             community: self.number(Named::Community, header.community)?,
+            ..*header
+        })
+    }
+
+    /// The header of a message whose numbers are the broker's already, but for that of the client itself.
+    fn checked(&self, header: &Header, names: &Names) -> Result<Header, Unnumbered> {
+        let known = |what, number| match names.count(what) > number as usize {
+            true => Ok(number),
+            false => Err(Unnumbered::Undefined),
+        };
+        Ok(Header {
+            flags: header.flags & (BULK | RESENT),
+            key: known(Named::Key, header.key)?,
+            source: match header.source {
+                ITSELF => self.number(Named::Source, 0)?,
+                other => known(Named::Source, other)?,
+            },
+            type_: if header.value_kind == ValueKind::Binary { known(Named::Type, header.type_)? } else { 0 },
+            community: known(Named::Community, header.community)?,
             ..*header
         })
     }

@@ -28,6 +28,8 @@ pub struct Limits {
     pub deliveries: usize,
     /// Bytes of all registrations together.
     pub registration_bytes: usize,
+    /// Registrations of all clients by pattern, of variables or of sources: each new variable is held against every one of them.
+    pub patterns: usize,
     /// Bytes of one message that travels in a batch; larger values lie in their publisher's shared memory.
     pub message_bytes: usize,
     /// Bytes of all latest values that the broker holds itself.
@@ -60,6 +62,7 @@ impl Default for Limits {
             routes: 1 << 18,
             deliveries: 1 << 20,
             registration_bytes: 8 << 20,
+            patterns: 1 << 12,
             message_bytes: wire::MAX_MESSAGE,
             latest_bytes: 32 << 20,
             mail_bytes: 32 << 20,

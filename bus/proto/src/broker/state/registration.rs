@@ -30,11 +30,16 @@ pub struct Registration {
 }
 
 impl Registration {
+    /// Whether only a comparison letter by letter says what it is of, and not the name of one variable, whoever writes it.
+    pub fn is_by_pattern(&self) -> bool {
+        self.key_pattern.contains(['*', '?']) || self.source_pattern != "*"
+    }
+
     fn matches(&self, key: &str, source: &str) -> bool {
         pattern::matches(&self.key_pattern, key) && pattern::matches(&self.source_pattern, source)
     }
 
-    fn same_patterns(&self, other: &Registration) -> bool {
+    pub fn same_patterns(&self, other: &Registration) -> bool {
         self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
     }
 

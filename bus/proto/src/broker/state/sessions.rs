@@ -135,6 +135,11 @@ impl Sessions {
         self.clients.values().map(|client| client.held.len()).sum()
     }
 
+    /// Registrations of all clients that are by pattern.
+    pub fn patterns(&self) -> usize {
+        self.clients.values().map(|client| client.registered_patterns).sum()
+    }
+
     /// Bytes of the patterns of all registrations.
     pub fn registration_bytes(&self) -> usize {
         self.clients.values().map(|client| client.asked.len() + client.registered_bytes).sum()

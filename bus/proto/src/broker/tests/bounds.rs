@@ -118,6 +118,31 @@ fn latest_values_messages_and_registrations_are_bounded() {
     assert!(refused.len() > 80 && refused[0].contains("registrations of the community fill 1000 bytes"), "{refused:?}");
 }
 
+/// Regression: of a hundred thousand patterns each cost a little of every new variable, and everybody waited for seconds.
+#[test]
+fn registrations_by_pattern_are_bounded() {
+    let b = &mut bounded(|limits| limits.patterns = 100);
+    let mut c = Speaker::new(b, 0.0, "c");
+    (0..50).for_each(|i| c.register(b, 0.0, &format!("K{i}*"), "*", 0.0));
+    (0..50).for_each(|i| c.register(b, 0.0, "K", &format!("app{i}"), 0.0));
+    assert_eq!(c.hear(b, 0.0).2, [""; 0]);
+    let mut d = Speaker::new(b, 0.0, "d");
+    d.register(b, 0.0, "?", "*", 0.0);
+    d.register(b, 0.0, "K", "app1", 0.0);
+    let (_, _, refused) = d.hear(b, 0.0);
+    assert_eq!(refused, ["the community has 100 registrations by pattern already"; 2]);
+    // One variable by its name is none of them, and what is there may be changed.
+    d.register(b, 0.0, "K", "*", 0.0);
+    c.register(b, 0.0, "K1*", "*", 0.5);
+    assert_eq!((c.hear(b, 0.0).2, d.hear(b, 0.0).2), (vec![], vec![]));
+    c.registration(b, 0.0, FrameKind::Unregister, "K1*", "*", 0.0, 0);
+    d.register(b, 0.0, "?", "*", 0.0);
+    assert_eq!(d.hear(b, 0.0).2, [""; 0]);
+    b.disconnect(0.0, c.id, 0, true);
+    (0..99).for_each(|i| d.register(b, 0.0, &format!("L{i}*"), "*", 0.0));
+    assert_eq!(d.hear(b, 0.0).2, [""; 0]);
+}
+
 /// A client that sends nothing but what is refused, and reads nothing, gets no more than so many answers.
 #[test]
 fn refusals_are_bounded() {
