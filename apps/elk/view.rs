@@ -11,11 +11,13 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
 use elk_bus::child::{Bond, keep_to_itself};
-use elk_bus::{Community, stop_on_signals};
+use elk_bus::clock::Stopwatch;
+use elk_bus::{Community, stop_on_signals, tell};
 use elk_launcher::{Answer, Order, ask, run_folder, running_mission};
 use elk_mission::{AppSpec, Kind, ParamSpec, Params, Program, Registry};
 use elk_scope::{Output, Poke, Said, Scope, yield_to_others};
 use elk_view::{FoxgloveOptions, Mission, Options, Parameter, Source, Steering};
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
 use crate::arguments::CommunityArgs;
@@ -31,6 +33,10 @@ const FOXGLOVE: &str = "127.0.0.1:8765";
 const PATIENCE: Duration = Duration::from_secs(30);
 /// How long a successor, or an app that is started, may take to be ready (s).
 const LIMIT_SECS: f64 = 20.0;
+
+/// How long the view of a mission that is over may take to tell its pages, and how often it is looked whether it has.
+const GOODBYE: Duration = Duration::from_millis(800);
+const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// How many variables were written.
 static POKES: AtomicU64 = AtomicU64::new(0);
@@ -81,12 +87,20 @@ pub fn view(arguments: ViewArgs) -> Result<ExitCode> {
     let source = arguments.log.map_or(Source::Community(community), Source::Log);
     let stop = stop_on_signals().context("signals cannot be caught")?;
     yield_to_others();
-    let ready = |address: &str| {
-        // Who does not read where it is has another way to know.
-        let _ = say(&format!("{address}\n"));
-    };
+    let ready = |address: &str| ready(address, ip);
     elk_view::serve(source, &options, Some(Arc::new(steering)), Some(scenery), ready, &stop)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says where it is.
+fn ready(url: &str, ip: IpAddr) {
+    // Who does not read where it is has another way to know.
+    let _ = say(&format!("{url}\n"));
+    if ip.is_unspecified() {
+        tell(format_args!(
+            "elk: {ip} stands for all addresses of this machine: elsewhere, put one of them in its place"
+        ));
+    }
 }
 
 fn view_in_foxglove(arguments: ViewArgs) -> Result<ExitCode> {
@@ -103,10 +117,7 @@ fn view_in_foxglove(arguments: ViewArgs) -> Result<ExitCode> {
     let hand = Hand { community: community.clone(), registry: registry() };
     let stop = stop_on_signals().context("signals cannot be caught")?;
     yield_to_others();
-    let ready = |address: &str| {
-        // Who does not read where it is has another way to know.
-        let _ = say(&format!("{address}\n"));
-    };
+    let ready = |url: &str| ready(url, address.ip());
     elk_view::serve_foxglove(&community, options, Some(Arc::new(hand)), ready, &stop)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -134,7 +145,12 @@ impl Companion {
 
 impl Drop for Companion {
     fn drop(&mut self) {
-        // It holds nothing that would have to be put away.
+        // It tells its pages; then it holds nothing that would have to be put away.
+        let _ = kill_process(Pid::from_child(&self.0), Signal::TERM);
+        let waited = Stopwatch::start();
+        while waited.elapsed() < GOODBYE && matches!(self.0.try_wait(), Ok(None)) {
+            std::thread::sleep(LOOK_EVERY);
+        }
         let _ = self.0.kill().and_then(|()| self.0.wait());
     }
 }

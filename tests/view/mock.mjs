@@ -78,7 +78,7 @@ const ELEMENTS = [
     },
 ];
 const APPS = [
-    ["launcher", "", ""],
+    ["launcher", "", "launcher"],
     ["db", "", ""],
     ["sensor", "Sensor", "Simulator"],
     ["filter", "Filter", "Distance"],
@@ -211,8 +211,6 @@ export class Mock {
     received = [];
     /** Drawings and keys, which a page is sent when it comes. */
     shown = [];
-    /** Why a recorded run is not whole, if it is not. */
-    damage = null;
     /** What a page is sent that shows the world. */
     world = [{ type: "world", ok: true, text: "" }, surfacesMessage(boxOf([0, 0, 0], [15, 10, 2.7]))];
     viewers = new Set();
@@ -254,7 +252,6 @@ export class Mock {
             log: "apartment-20261123-231812",
             start: 0,
             end: this.run.length / PACE,
-            damage: this.damage,
         };
         return {
             type: "hello",

@@ -292,8 +292,8 @@ pageTest("variables are found, watched, plotted and poked", {}, async ({ page, m
 
 pageTest("an app's log is asked for while one reads it, and no longer", {}, async ({ page, mock }) => {
     await click(page, "#tab-logs");
-    await heard(mock, ({ type, app }) => type === "logs" && app === "launcher");
-    await page.until("/launcher: step 2/.test(document.querySelector('pre.log').textContent)");
+    await heard(mock, ({ type, app }) => type === "logs" && app === "sensor");
+    await page.until("/sensor: step 2/.test(document.querySelector('pre.log').textContent)");
     await click(page, "#tab-run");
     await heard(mock, ({ type, app }) => type === "logs" && app === null);
 });
@@ -302,18 +302,40 @@ pageTest("the end of a mission is shown with its summary", {}, async ({ page, mo
     mock.send({
         type: "end",
         summary: {
-            complete: true,
-            path_length_m: 53.7,
-            frontiers_left: { invisible: 12 },
-            reason: "all is seen",
-            coverage: [{ share: 0.95 }],
+            exploration_report: {
+                settings: "a scan every 0.4 m and on arrival; a new plan once the target is resolved; clearance 0.1 m",
+                complete: true,
+                reason: "all is seen",
+                frontiers_left: { unreachable: 0, invisible: 12, too_small: 3 },
+                counters: [
+                    ["iterations", 575],
+                    ["stalls", 0],
+                ],
+            },
+            motion_report: {
+                path_length_m: 53.7,
+                marks: [
+                    { share: 0.95, scans: 98 },
+                    { share: 1, scans: 167 },
+                ],
+                contacts: null,
+            },
         },
     });
     mock.send({ type: "event", time: 61, text: "all is seen" });
     await page.until("/1:01\\s*all is seen/.test(document.querySelector('#panel-events').textContent)");
-    await page.until(
-        "/The mission is over.*complete.*yes.*path length \\(m\\).*53.7.*invisible.*12.*all is seen/s.test(document.querySelector('#panel-run').textContent)",
-    );
+    const lines = await page.until("document.querySelector('.summary').innerText");
+    assert.deepEqual(lines.split("\n").filter(Boolean), [
+        "THE MISSION IS OVER",
+        "exploration report",
+        ...["complete", "yes", "reason", "all is seen", "frontiers left", "invisible 12, too small 3"],
+        ...["counters", "iterations 575"],
+        // What is long comes last.
+        "settings",
+        "a scan every 0.4 m and on arrival; a new plan once the target is resolved; clearance 0.1 m",
+        "motion report",
+        ...["path length (m)", "53.7", "marks", "share 0.95, scans 98", "share 1, scans 167"],
+    ]);
 });
 
 pageTest("a recorded run is sought, forwards and back, and played", { recorded: true }, async ({ page, mock }) => {
@@ -339,8 +361,7 @@ pageTest("a recorded run is sought, forwards and back, and played", { recorded: 
 });
 
 pageTest("a recorded run that is not whole says so", { recorded: true }, async ({ page, mock }) => {
-    mock.damage = "the log is not whole: the chunk at byte 7 is cut short";
-    for (const { socket } of mock.viewers) socket.cut();
+    mock.send({ type: "damage", text: "the log is not whole: the chunk at byte 7 is cut short" });
     await page.until("document.querySelector('#toasts .bad')?.textContent.includes('the chunk at byte 7')");
     await page.until("document.querySelector('.events').textContent.includes('the chunk at byte 7')");
 });
@@ -483,4 +504,29 @@ test("nothing outside is asked for, and all files are small", async t => {
     if (!browser) return t.skip("chromium is missing");
     const outside = browser.requests.filter(url => new URL(url).hostname !== "127.0.0.1" && !url.startsWith("data:"));
     assert.deepEqual(outside, []);
+});
+
+pageTest("a view that ends says so, and what it showed stays", {}, async ({ page, mock }) => {
+    const before = await page.until("elk.known");
+    for (const { socket } of mock.viewers) {
+        socket.close(1001, "the view has ended");
+        socket.socket.end();
+    }
+    mock.refusal = "nobody is let in";
+    await page.until("/The view has ended, and what it showed last stays/.test(document.querySelector('#notice').innerText)");
+    assert.ok((await page.eval("elk.known")) >= before);
+    mock.refusal = null;
+    await page.eval("document.querySelector('#notice button').click()");
+    await page.until("elk.link.state === 'open' && document.querySelector('#notice').hidden");
+});
+
+pageTest("what is too long to be said is not, and that is said", {}, async ({ page, mock }) => {
+    await click(page, "#tab-variables");
+    await page.eval(
+        "(([key, value]) => { key.value = 'NOTE'; value.value = 'x'.repeat(70_000) })(document.querySelectorAll('#panel-variables form input'))",
+    );
+    await clickText(page, "#panel-variables form button", "Poke");
+    await page.until("/Poke NOTE: that is longer than a page may say/.test(document.querySelector('#toasts').innerText)");
+    assert.ok(!mock.received.some(({ type }) => type === "poke"));
+    assert.equal(await page.eval("elk.link.state"), "open");
 });

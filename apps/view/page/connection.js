@@ -39,17 +39,18 @@ export function connection(link, events) {
         status = { connected: true, text: "" };
         const name = message.mission ?? message.recorded?.log ?? message.live?.community ?? "";
         say(by("mission"), name);
-        if (message.recorded?.damage) events.say(message.recorded.damage, "bad");
         document.title = name ? `${name} – elk` : "elk";
         show();
     });
     link.on("status", message => {
-        if (message.connected !== status.connected) events.say(message.text, message.connected ? "good" : "bad");
+        const news = message.connected ? "The community is there" : message.text;
+        if (message.connected !== status.connected) events.say(news, message.connected ? "good" : "bad");
         status = message;
         show();
     });
+    link.on("damage", ({ text }) => events.say(text, "bad"));
     link.on("link", ({ state }) => {
-        if (state === "waiting" && hello !== null) events.note("Connection lost", "bad", "page");
+        if (state === "waiting" && hello !== null) events.note(what(link, hello), "bad", "page");
         show();
     });
     link.on("progress", ({ phase }) => say(by("phase"), phase ?? ""));
@@ -60,8 +61,13 @@ export function connection(link, events) {
     for (const back of ["online", "pageshow"]) addEventListener(back, () => link.retry());
 }
 
-function lost({ nextTry, reason }, hello) {
-    const seconds = Math.max(0, Math.ceil((nextTry - performance.now()) / 1000));
-    const what = hello ? "Connection lost" : "No connection";
-    return `${what}${reason ? ` (${reason})` : ""}: trying again ${seconds > 0 ? `in ${seconds} s` : "now"}.`;
+/** What is amiss with the connection. */
+function what({ reason, hasEnded }, hello) {
+    if (hasEnded) return "The view has ended, and what it showed last stays";
+    return `${hello ? "Connection lost" : "No connection"}${reason ? ` (${reason})` : ""}`;
+}
+
+function lost(link, hello) {
+    const seconds = Math.max(0, Math.ceil((link.nextTry - performance.now()) / 1000));
+    return `${what(link, hello)}: trying again ${seconds > 0 ? `in ${seconds} s` : "now"}.`;
 }

@@ -5,6 +5,10 @@ import { readBinary } from "./binary.js";
 
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 8000;
+/** What a server says whose view ends, as WebSocket has it. */
+const AWAY = 1001;
+/** The longest message that a server takes (bytes). */
+const MOST_SAID = 64 << 10;
 
 export class Link {
     #handlers = new Map();
@@ -17,6 +21,8 @@ export class Link {
     state = "connecting";
     /** When the next try is, by `performance.now()`. */
     nextTry = 0;
+    /** Whether the server has said that the view ends. */
+    hasEnded = false;
 
     /** @param {URL} address of the server's `/ws`, with the page's own query. */
     constructor(address) {
@@ -33,6 +39,11 @@ export class Link {
         if (this.state !== "open") return false;
         this.#socket.send(JSON.stringify(message));
         return true;
+    }
+
+    /** Whether a message is not too long for a server. */
+    fits(message) {
+        return new TextEncoder().encode(JSON.stringify(message)).length <= MOST_SAID;
     }
 
     /** A number for a question, by which its answer is known again. */
@@ -56,11 +67,13 @@ export class Link {
         if (this.state === "waiting") this.connect();
     }
 
-    #lost({ reason }) {
+    #lost({ code, reason }) {
         const wait = this.#wait * (0.75 + Math.random() / 2);
         this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
         this.nextTry = performance.now() + wait;
         this.reason = reason;
+        // Once it has said so, that nobody answers is no news.
+        this.hasEnded = code === AWAY || (this.hasEnded && reason === "");
         this.#timer = setTimeout(() => this.connect(), wait);
         this.#become("waiting");
     }
@@ -87,7 +100,7 @@ export class Link {
     #text(data) {
         const message = check(JSON.parse(data));
         if (message === null) return;
-        if (message.type === "hello") this.#wait = FIRST_WAIT_MS;
+        if (message.type === "hello") Object.assign(this, { hasEnded: false }).#wait = FIRST_WAIT_MS;
         this.#deliver(message.type, message);
         if (message.type === "frame") this.send({ type: "ack", number: message.number });
     }

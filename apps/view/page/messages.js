@@ -72,12 +72,13 @@ const SHAPES = {
     hello: record({
         version: index,
         live: optional(record({ community: text })),
-        recorded: optional(record({ log: text, start: number, end: number, damage: optional(text) })),
+        recorded: optional(record({ log: text, start: number, end: number })),
         read_only: flag,
         mission: optional(text),
         resolution: optional(number),
     }),
     status: record({ connected: flag, text }),
+    damage: record({ text }),
     reset: object,
     robot: record({
         position: point,

@@ -43,7 +43,8 @@ export class Orders {
 
     #send(message, waiting) {
         const id = this.link.nextId();
-        if (this.link.send({ ...message, id })) this.#waiting.set(id, waiting);
+        if (!this.link.fits(message)) this.#failed(waiting, "that is longer than a page may say, which is 64 kB");
+        else if (this.link.send({ ...message, id })) this.#waiting.set(id, waiting);
         else this.#failed(waiting, "there is no connection");
     }
 

@@ -64,6 +64,11 @@ export function parameterFields(parameters) {
 
 let numberOfFields = 0;
 
+/** What a parameter is of which nothing is said: what was said of it before. */
+function unsaid(parameter) {
+    return parameter.default ? `as it is (by default ${parameter.default})` : "as it is";
+}
+
 function field(parameter) {
     const id = `parameter-${++numberOfFields}`;
     const kind = [parameter.kind, parameter.unit && `in ${parameter.unit}`].filter(Boolean).join(" ");
@@ -72,7 +77,7 @@ function field(parameter) {
             ? choice(parameter)
             : make("input", {
                   type: "text",
-                  placeholder: parameter.default ?? "",
+                  placeholder: unsaid(parameter),
                   autocomplete: "off",
                   spellcheck: false,
                   inputMode: ["number", "integer"].includes(parameter.kind) ? "decimal" : "text",
@@ -94,9 +99,5 @@ function field(parameter) {
 
 function choice(parameter) {
     const words = parameter.kind === "flag" ? ["true", "false"] : parameter.choices;
-    const asItIs = make("option", {
-        value: "",
-        textContent: parameter.default ? `as it is (by default ${parameter.default})` : "as it is",
-    });
-    return make("select", {}, asItIs, ...words.map(word => make("option", { value: word, textContent: word })));
+    return make("select", {}, make("option", { value: "", textContent: unsaid(parameter) }), ...words.map(word => make("option", { value: word, textContent: word })));
 }

@@ -7,7 +7,7 @@
 //! | `community` | one community after the other of a name |
 //! | `live`, `recorded` | where it comes from: a community, a log |
 //! | `scenery` | the true world, for pages that show it |
-//! | `admission` | names of this machine, and tokens |
+//! | `admission`, `connections` | names of this machine, and tokens; how many may come, and how long they may be silent |
 //! | `server`, `page`, `session`, `words`, `tail` | the page's server, its files, one page, what it says, a text log |
 //! | `steering` | what pages can have done, behind a seam |
 //! | `shared` | what feed and pages have in common |
@@ -17,6 +17,7 @@
 
 mod admission;
 mod community;
+mod connections;
 mod drawings;
 mod error;
 mod foxglove;
@@ -40,11 +41,12 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use elk_bus::Community;
+use elk_bus::clock::Stopwatch;
 use serde_json::json;
+use tokio::time::timeout;
 
 pub use error::ViewError;
 pub use foxglove::{FoxgloveOptions, Mission, Parameter, serve_foxglove};
@@ -53,12 +55,17 @@ pub use steering::Steering;
 pub use words::Order;
 
 use admission::token;
+use connections::Bounded;
 use recorded::Recording;
 use server::{Door, router, stopped};
 use shared::Shared;
 
 /// How often the launcher is asked who runs.
 const APPS_EVERY: Duration = Duration::from_secs(1);
+/// The longest sleep without a look at whether to stop.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// How long pages may take to be told that the view ends.
+const GOODBYE: Duration = Duration::from_millis(300);
 /// Ports that are tried behind the one that was asked for, if nobody insists on it.
 const PORTS: u16 = 20;
 
@@ -99,7 +106,6 @@ pub fn serve(
     let listener = listen(options)?;
     let address = listener.local_addr().map_err(ViewError::Io)?;
     let query = wanted.as_ref().map_or(String::new(), |token| format!("?token={token}"));
-    let (commands, heard) = channel();
     let (hello, recording, steering) = match &source {
         Source::Community(community) => {
             (json!({"live": {"community": community.as_str()}, "recorded": null}), None, steering)
@@ -108,7 +114,7 @@ pub fn serve(
             let recording = Recording::open(path)?;
             let (start, end) = recording.span();
             let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-            let recorded = json!({"log": name, "start": start, "end": end, "damage": recording.damage()});
+            let recorded = json!({"log": name, "start": start, "end": end});
             (json!({"live": null, "recorded": recorded}), Some(recording), None)
         }
     };
@@ -116,12 +122,12 @@ pub fn serve(
     hello["type"] = "hello".into();
     hello["version"] = 1.into();
     hello["read_only"] = (options.read_only || steering.is_none()).into();
-    let shared = Arc::new(Shared::new(hello, steering, scenery, options.read_only, commands));
+    let shared = Arc::new(Shared::new(hello, steering, scenery, options.read_only));
     std::thread::scope(|threads| {
         let (feeding, source) = (&shared, &source);
         let feed = move || match (source, recording) {
-            (Source::Community(community), _) => live::follow(community, feeding, &heard, stop),
-            (Source::Log(_), Some(recording)) => recording.play(feeding, &heard, stop),
+            (Source::Community(community), _) => live::follow(community, feeding, stop),
+            (Source::Log(_), Some(recording)) => recording.play(feeding, stop),
             (Source::Log(_), None) => {}
         };
         let named = |name: &str| std::thread::Builder::new().name(name.to_owned());
@@ -140,7 +146,10 @@ pub fn serve(
                             shared.change(|model| model.apps(&rows));
                         }
                     }
-                    std::thread::sleep(APPS_EVERY);
+                    let slept = Stopwatch::start();
+                    while slept.elapsed() < APPS_EVERY && !stop.load(Ordering::Relaxed) {
+                        std::thread::sleep(LOOK_EVERY);
+                    }
                 }
             };
             named("apps").spawn_scoped(threads, ask).map_err(ViewError::Io)?;
@@ -148,12 +157,16 @@ pub fn serve(
         let door = Arc::new(Door::new(shared.clone(), wanted));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Io)?;
         let served = runtime.block_on(async {
-            let listener = tokio::net::TcpListener::from_std(listener).map_err(ViewError::Io)?;
+            let listener = Bounded::of(listener).map_err(ViewError::Io)?;
             on_ready(&format!("http://{address}/{query}"));
-            tokio::select! {
-                served = axum::serve(listener, router(door)) => served.map_err(ViewError::Io),
-                () = stopped(stop) => Ok(()),
-            }
+            let serving = async { axum::serve(listener, router(door.clone())).await.map_err(ViewError::Io) };
+            let ending = async {
+                stopped(stop).await;
+                // Who does not hear it finds out for himself.
+                let _ = timeout(GOODBYE, door.say_goodbye()).await;
+                Ok(())
+            };
+            tokio::select! { served = serving => served, ended = ending => ended }
         });
         // Whatever this ended with, the feed is not to go on alone.
         stop.store(true, Ordering::Relaxed);

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
@@ -15,18 +14,21 @@ use elk_spatial::messages::CameraPose;
 
 use crate::community;
 use crate::model::{Heard, Wants, always};
-use crate::shared::{Command, Shared};
+use crate::shared::Shared;
 use crate::table::variables;
 
 /// How often the broker's table is asked for.
 const TABLE_EVERY: Duration = Duration::from_secs(1);
-/// The least time between two values of a variable that is watched, and between two scans.
+/// The least time between two values of a variable that is watched, two scans, and two drawings of a name.
 const VALUES_EVERY: Duration = Duration::from_millis(100);
+/// The least time between two looks into the mailbox, as between two frames of a page: to be woken by each message would cost
+/// the mission's processors more than the messages do.
+const HEAR_EVERY: Duration = Duration::from_millis(33);
 /// The longest sleep without a look at what pages want.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Follows a community until `stop` is set, also through its end and the next one of its name.
-pub(crate) fn follow(community: &Community, shared: &Shared, commands: &Receiver<Command>, stop: &AtomicBool) {
+pub(crate) fn follow(community: &Community, shared: &Shared, stop: &AtomicBool) {
     let (mut wants, mut is_first) = (Wants::default(), true);
     let listen = |client: Client| {
         shared.change(|model| {
@@ -37,7 +39,7 @@ pub(crate) fn follow(community: &Community, shared: &Shared, commands: &Receiver
             model.status(true, "");
         });
         shared.scene.begin();
-        Following::new(client, shared).run(&mut wants, commands, stop)
+        Following::new(client, shared).run(&mut wants, stop)
     };
     community::follow(community, "view", stop, listen, |why| shared.change(|model| model.status(false, why)));
 }
@@ -60,33 +62,31 @@ impl<'a> Following<'a> {
     }
 
     /// Listens until `stop` is set or the community ends.
-    fn run(mut self, wants: &mut Wants, commands: &Receiver<Command>, stop: &AtomicBool) -> Result<(), CommsError> {
+    fn run(mut self, wants: &mut Wants, stop: &AtomicBool) -> Result<(), CommsError> {
         always().iter().try_for_each(|key| self.client.comms.register(any(key)))?;
         // What an update says of a map nobody knows without the map.
         self.client.comms.notify(MAP_REQUEST, 0.0)?;
         self.client.comms.notify(REQUEST, "")?;
-        let mut asked = Stopwatch::start();
+        let mut asked_for_table = Stopwatch::start();
         self.register_wanted(wants)?;
+        let mut heard = Stopwatch::start();
         while !stop.load(Ordering::Relaxed) {
-            while let Ok(command) = commands.try_recv() {
-                match command {
-                    Command::Want(wanted) => {
-                        *wants = wanted;
-                        self.shared.change(|model| model.watch(wants.values.clone()));
-                        self.register_wanted(wants)?;
-                    }
-                    Command::Press(press) => {
-                        self.client.comms.publish(&variables::key_press(&press.app), &press)?;
-                    }
-                    // A robot that runs has no other time than its own.
-                    Command::Play { .. } | Command::Seek(_) => {}
-                }
+            let asked = self.shared.asked(HEAR_EVERY.saturating_sub(heard.elapsed()));
+            if let Some(wanted) = asked.wants {
+                *wants = wanted;
+                self.shared.change(|model| model.watch(wants.values.clone()));
+                self.register_wanted(wants)?;
             }
-            if asked.elapsed() >= TABLE_EVERY && self.shared.is_watched() {
+            for press in &asked.presses {
+                self.client.comms.publish(&variables::key_press(&press.app), press)?;
+            }
+            if asked_for_table.elapsed() >= TABLE_EVERY && self.shared.is_watched() {
                 self.client.comms.notify(REQUEST, "")?;
-                asked = Stopwatch::start();
+                asked_for_table = Stopwatch::start();
             }
-            if self.listen()? {
+            let has_news = self.listen()?;
+            heard = Stopwatch::start();
+            if has_news {
                 self.register_wanted(wants)?;
             }
         }
@@ -138,8 +138,8 @@ impl<'a> Following<'a> {
         let mut wanted: BTreeSet<String> = wants.values.iter().chain(&self.poses).chain(scans).cloned().collect();
         wanted.extend(wants.drawings.then(|| DRAWINGS.to_owned()));
         for key in wanted.difference(&self.registered) {
-            let is_rare = self.poses.contains(key) || key == DRAWINGS;
-            let every = if is_rare { Duration::ZERO } else { VALUES_EVERY };
+            // The way goes through every pose.
+            let every = if self.poses.contains(key) { Duration::ZERO } else { VALUES_EVERY };
             self.client.comms.register(any(key).every(every))?;
         }
         for key in self.registered.difference(&wanted) {

@@ -32,6 +32,10 @@ const MOST_LINES: usize = 2_000;
 const MOST_SCAN_POINTS: usize = 8_000;
 /// Lists of a value that are longer are counted.
 const LONGEST_LIST: usize = 64;
+/// Texts of a value that are longer are cut (bytes).
+const LONGEST_TEXT: usize = 4_096;
+/// Of a value that is longer as JSON only its length is said (bytes).
+const LONGEST_VALUE: usize = 256 << 10;
 /// What the broker says of clients that come, go, and take over.
 const EVENTS: &str = "DB_EVENT";
 /// What the broker says of who is there.
@@ -67,6 +71,7 @@ pub struct Heard<'a> {
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Fact {
     Status,
+    Damage,
     Robot,
     Plan,
     Progress,
@@ -188,7 +193,7 @@ impl Model {
             self.note(heard.time, format!("{} by {}: {reason}", heard.key, heard.source));
         }
         if self.watched.contains(heard.key) {
-            self.value(heard);
+            self.show(heard);
         }
     }
 
@@ -212,7 +217,7 @@ impl Model {
                 self.progress(&progress, heard.time);
             }
             key if REPORTS.contains(&key) => {
-                let report = heard.value.to_json(LONGEST_LIST).map_err(|error| error.to_string())?;
+                let report = readable(heard.value)?;
                 self.reports.insert(key.to_lowercase(), report);
                 // What the sensor says of the map at the end comes before the explorer's own word or after it.
                 if self.is_summed_up() {
@@ -295,6 +300,14 @@ impl Model {
         self.tell(Fact::Status, &json!({"type": "status", "connected": connected, "text": text}));
     }
 
+    /// Why not all of a log is there.
+    pub fn damage(&mut self, reasons: &[String]) {
+        let Some(first) = reasons.first() else { return };
+        let others = if reasons.len() > 1 { format!(", and {} places more", reasons.len() - 1) } else { String::new() };
+        let text = format!("the log is not whole: {first}{others}; what is there is shown");
+        self.tell(Fact::Damage, &json!({"type": "damage", "text": text}));
+    }
+
     /// Where a recorded run is (s).
     pub fn timeline(&mut self, timeline: &Value) {
         self.tell(Fact::Timeline, timeline);
@@ -338,16 +351,14 @@ impl Model {
         }
     }
 
-    fn value(&mut self, heard: &Heard<'_>) {
-        let (kind, value) = match heard.value {
-            ValueRef::Double(_) => ("number", heard.value.to_json(LONGEST_LIST)),
-            ValueRef::Text(_) => ("text", heard.value.to_json(LONGEST_LIST)),
-            ValueRef::Binary { type_, .. } => (type_.name(), heard.value.to_json(LONGEST_LIST)),
+    /// This is the value of a variable that somebody watches.
+    pub fn show(&mut self, heard: &Heard<'_>) {
+        let kind = match heard.value {
+            ValueRef::Double(_) => "number",
+            ValueRef::Text(_) => "text",
+            ValueRef::Binary { type_, .. } => type_.name(),
         };
-        let (value, text) = match value {
-            Ok(value) => (value, String::new()),
-            Err(error) => (Value::Null, error.to_string()),
-        };
+        let (value, text) = readable(heard.value).map_or_else(|why| (Value::Null, why), |value| (value, String::new()));
         let Heard { key, source, time, .. } = heard;
         let time = self.since_beginning(*time);
         let message = json!({
@@ -452,6 +463,39 @@ impl Model {
     pub(crate) fn values(&self, keys: &BTreeSet<String>) -> Vec<Message> {
         keys.iter().filter_map(|key| Some(Message::Text(self.facts.get(&Fact::Value(key.clone()))?.clone()))).collect()
     }
+}
+
+/// A value for people: what is too long for them is cut. An error says in words why there is none.
+fn readable(value: ValueRef<'_>) -> Result<Value, String> {
+    let mut value = match value {
+        // Of a text as long as may be no copy is made.
+        ValueRef::Text(text) => return Ok(cut(text).unwrap_or_else(|| text.to_owned()).into()),
+        other => other.to_json(LONGEST_LIST).map_err(|error| error.to_string())?,
+    };
+    cut_texts(&mut value);
+    match value.to_string().len() {
+        0..=LONGEST_VALUE => Ok(value),
+        bytes => Err(format!("a value of {bytes} bytes as JSON, which is more than a page is sent")),
+    }
+}
+
+fn cut_texts(value: &mut Value) {
+    match value {
+        Value::String(text) => {
+            if let Some(short) = cut(text) {
+                *text = short;
+            }
+        }
+        Value::Array(all) => all.iter_mut().for_each(cut_texts),
+        Value::Object(all) => all.values_mut().for_each(cut_texts),
+        Value::Null | Value::Bool(_) | Value::Number(_) => {}
+    }
+}
+
+/// The beginning of a text that is too long, and how much there is of it; `None`: it is not too long.
+fn cut(text: &str) -> Option<String> {
+    let is_long = text.len() > LONGEST_TEXT;
+    is_long.then(|| format!("{}… ({} bytes in all)", &text[..text.floor_char_boundary(LONGEST_TEXT)], text.len()))
 }
 
 fn single(point: &Point3<f64>) -> [f32; 3] {

@@ -19,6 +19,8 @@ use crate::shared::Shared;
 
 /// How often it is looked whether a server is to end.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// How often it is looked whether all pages have gone.
+const GOODBYE_LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Pages at a time.
 const MOST_PAGES: usize = 64;
 /// The longest message that a page says (bytes).
@@ -40,6 +42,14 @@ pub(crate) struct Door {
 impl Door {
     pub fn new(shared: Arc<Shared>, token: Option<String>) -> Self {
         Self { shared, token, pages: AtomicUsize::new(0), numbers: AtomicU64::new(1) }
+    }
+
+    /// Tells all pages that the view ends, and waits until they have gone.
+    pub async fn say_goodbye(&self) {
+        self.shared.end();
+        while self.pages.load(Ordering::Relaxed) > 0 {
+            tokio::time::sleep(GOODBYE_LOOK_EVERY).await;
+        }
     }
 }
 

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::extract::ws::{Message, WebSocket};
+use axum::body::Bytes;
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket};
 use elk_bus::drawing::KeyPress;
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
@@ -13,8 +14,9 @@ use serde_json::json;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, interval, sleep_until, timeout};
 
+use crate::connections::PING_EVERY;
 use crate::model::{Seen, Wants, message};
-use crate::shared::{Command, Shared};
+use crate::shared::{Play, Shared};
 use crate::tail::Tail;
 use crate::words::Said;
 
@@ -30,6 +32,9 @@ const SEND_PATIENCE: Duration = Duration::from_secs(30);
 const LOG_EVERY: Duration = Duration::from_millis(500);
 /// Orders of a page that are under way at a time.
 const MOST_ORDERS: usize = 8;
+/// What a page is told whose view ends, as WebSocket says it: that it goes away.
+const AWAY: u16 = 1001;
+const ENDED: &str = "the view has ended";
 
 /// A page, told apart from the others by its number.
 pub(crate) struct Session {
@@ -43,7 +48,12 @@ pub(crate) struct Session {
     /// Whether the page shows the world, and of which run it was sent that.
     shows_world: bool,
     world_of: Option<u64>,
+    /// The app whose text log is wanted, the log once it is found, and whether somebody looks for one.
+    log_of: Option<String>,
     log: Option<Tail>,
+    is_looking: bool,
+    /// Where logs are found.
+    finds: mpsc::Sender<(String, Option<Tail>)>,
     orders: usize,
     /// Where what was ordered is answered; `None` at the end of an order.
     answers: mpsc::Sender<(Message, bool)>,
@@ -56,6 +66,7 @@ struct Gone;
 pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
     let (out, mut said) = socket.split();
     let (answers, mut answered) = mpsc::channel(64);
+    let (finds, mut found) = mpsc::channel(1);
     let mut changes = shared.changes();
     changes.mark_changed();
     // Until a page says what it shows, it shows all.
@@ -71,11 +82,15 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
         taken: 0,
         shows_world: false,
         world_of: None,
+        log_of: None,
         log: None,
+        is_looking: false,
+        finds,
         orders: 0,
         answers,
     };
-    let mut logs = interval(LOG_EVERY);
+    let (mut logs, mut pings) = (interval(LOG_EVERY), interval(PING_EVERY));
+    let mut ends = std::pin::pin!(shared.ended());
     let mut due = Instant::now();
     if session.send(message(&shared.hello)).await.is_ok() {
         loop {
@@ -92,6 +107,15 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
                     session.send(answer).await
                 }
                 _ = logs.tick(), if session.log.is_some() => session.read_log().await,
+                Some(log) = found.recv() => {
+                    session.take_log(log);
+                    Ok(())
+                }
+                _ = pings.tick() => session.send(Message::Ping(Bytes::new())).await,
+                () = &mut ends => {
+                    let frame = CloseFrame { code: AWAY, reason: Utf8Bytes::from_static(ENDED) };
+                    session.send(Message::Close(Some(frame))).await.and(Err(Gone))
+                }
                 changed = async { sleep_until(due).await; changes.changed().await }, if has_room => match changed {
                     Ok(()) => {
                         due = Instant::now() + FRAME_EVERY;
@@ -164,13 +188,8 @@ impl Session {
                 Ok(())
             }
             Ok(Said::Logs { app }) => {
-                let steering = self.shared.steering.clone();
-                let found = tokio::task::spawn_blocking(move || {
-                    let app = app?;
-                    let path = steering?.log(&app)?;
-                    Some(Tail::new(app, path))
-                });
-                self.log = found.await.unwrap_or_default();
+                (self.log_of, self.log) = (app, None);
+                self.look_for_log();
                 Ok(())
             }
             Ok(Said::Order { id, order }) => {
@@ -187,13 +206,35 @@ impl Session {
                 self.send(message(&json!({"type": "types", "id": id, "elements": elements}))).await
             }
             Ok(Said::Play { playing, rate, looping }) => {
-                self.shared.command(Command::Play { playing, rate, looping });
+                self.shared.ask(|asked| asked.play = Some(Play { playing, rate, looping }));
                 Ok(())
             }
             Ok(Said::Seek { time }) => {
-                self.shared.command(Command::Seek(time));
+                self.shared.ask(|asked| asked.seek = Some(time));
                 Ok(())
             }
+        }
+    }
+
+    /// Has the text log found that is wanted, beside all else: whoever knows may take his time.
+    fn look_for_log(&mut self) {
+        let Some(app) = self.log_of.clone().filter(|_| !self.is_looking) else { return };
+        self.is_looking = true;
+        let (steering, finds) = (self.shared.steering.clone(), self.finds.clone());
+        tokio::task::spawn_blocking(move || {
+            let path = steering.and_then(|steering| steering.log(&app));
+            let log = path.map(|path| Tail::new(app.clone(), path));
+            // A page that has gone reads no log.
+            let _ = finds.blocking_send((app, log));
+        });
+    }
+
+    /// Reads this log from now on; if another one is wanted meanwhile, that is looked for.
+    fn take_log(&mut self, (app, found): (String, Option<Tail>)) {
+        self.is_looking = false;
+        match self.log_of.as_ref() == Some(&app) {
+            true => self.log = found,
+            false => self.look_for_log(),
         }
     }
 
@@ -227,8 +268,8 @@ impl Session {
             return Err(format!("key {:?} is not {}'s: it is {owner}'s", press.key, press.app));
         }
         let told = format!("{} is told of {:?}", press.app, press.key);
-        self.shared.command(Command::Press(press));
-        Ok(told)
+        let too_many = || "too many keys were pressed at once; try again".to_owned();
+        self.shared.press(press).then_some(told).ok_or_else(too_many)
     }
 
     /// Why nothing can be ordered, if so.

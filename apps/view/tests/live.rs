@@ -61,7 +61,12 @@ impl Steering for Hand {
         json!([])
     }
 
+    /// Whoever knows is not asked in vain once something was ordered.
     fn log(&self, _: &str) -> Option<PathBuf> {
+        let waited = Stopwatch::start();
+        while self.0.lock().unwrap().is_empty() && waited.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(5));
+        }
         None
     }
 }
@@ -452,4 +457,43 @@ fn the_world_is_sent_to_who_shows_it_and_to_nobody_else() {
     }
     say([&mut looks, &mut shows]);
     assert!(shows.surfaces <= 202, "{}", shows.surfaces);
+}
+
+#[test]
+fn a_text_log_that_nobody_finds_holds_up_nothing() {
+    let lab = Lab::new("log", false, "127.0.0.1");
+    let mut page = lab.page();
+    page.say(&json!({"type": "watch", "keys": ["HEIGHT"]}));
+    // As many as may be; each would hold up a thread.
+    (0..1_000).for_each(|_| page.say(&json!({"type": "logs", "app": "Map"})));
+    lab.say_height(1.0, &mut page);
+    page.say(&json!({"type": "order", "id": 1, "order": {"command": "pause"}}));
+    assert_eq!(page.next("answer")["ok"], json!(null));
+    assert_eq!(page.next("answer")["ok"], json!(true));
+}
+
+#[test]
+fn a_value_that_is_too_long_is_cut() {
+    let lab = Lab::new("long", false, "127.0.0.1");
+    let mut page = lab.page();
+    page.say(&json!({"type": "watch", "keys": ["NOTE"]}));
+    let mut client = lab.client("writer");
+    client.comms.notify("NOTE", "ä".repeat(5 << 20)).unwrap();
+    client.comms.flush().unwrap();
+    let value = page.next("value")["value"].as_str().unwrap().to_owned();
+    assert!(value.len() < 5_000 && value.starts_with("ää") && value.ends_with("(10485760 bytes in all)"), "{value}");
+}
+
+#[test]
+fn pages_are_told_that_the_view_ends() {
+    let lab = Lab::new("end", false, "127.0.0.1");
+    let mut page = lab.page();
+    page.next("frame");
+    lab.view_stops.store(true, Ordering::Relaxed);
+    let reason = loop {
+        if let Message::Close(frame) = page.socket.read().unwrap() {
+            break frame.unwrap().reason;
+        }
+    };
+    assert_eq!(reason, "the view has ended");
 }

@@ -104,10 +104,7 @@ fn the_state_at_any_time_is_whole_backwards_too() {
     let view = View::of(&log);
     let mut page = Page::open(view.address, "");
     let hello = page.next("hello");
-    assert_eq!(
-        hello["recorded"],
-        json!({"log": "log.mcap", "start": 1001.0, "end": 1000.0 + f64::from(SCANS), "damage": null})
-    );
+    assert_eq!(hello["recorded"], json!({"log": "log.mcap", "start": 1001.0, "end": 1000.0 + f64::from(SCANS)}));
     assert_eq!((&hello["live"], &hello["read_only"]), (&json!(null), &json!(true)));
     page.say(&json!({"type": "play", "playing": false, "rate": 1.0, "looping": false}));
     for scan in [2_000, 1_500, 2_999, 7, 1_100, 1_500, 3_000, 1_499, 1, 2_500, 600] {
@@ -143,7 +140,8 @@ fn a_log_that_is_cut_in_the_middle_is_shown_as_far_as_it_goes_and_that_is_said_t
     let (mut page, end) =
         (Page::open(view.address, ""), |hello: &serde_json::Value| hello["recorded"]["end"].as_f64().unwrap());
     let hello = page.next("hello");
-    let damage = hello["recorded"]["damage"].as_str().unwrap();
+    let told = page.next("damage");
+    let damage = told["text"].as_str().unwrap();
     assert!(damage.contains("is not whole") && damage.contains("log.mcap"), "{damage}");
     let last = end(&hello);
     assert!(last > 1100.0 && last < 900.0 + f64::from(SCANS), "{last}");
@@ -154,7 +152,71 @@ fn a_log_that_is_cut_in_the_middle_is_shown_as_far_as_it_goes_and_that_is_said_t
         }
     }
     // Who comes later is told as well.
-    assert_eq!(Page::open(view.address, "").next("hello"), hello);
+    assert_eq!(Page::open(view.address, "").next("damage"), told);
+}
+
+#[test]
+fn what_is_damaged_in_the_middle_is_said_once_it_is_read_and_to_who_comes_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    recorded(&log);
+    let mut bytes = std::fs::read(&log).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle..middle + 64].iter_mut().for_each(|byte| *byte ^= 0xff);
+    std::fs::write(&log, &bytes).unwrap();
+    assert!(elk_log::Index::read(&log, &mut |_, _| {}).unwrap().whole(), "its index says nothing of that");
+    let view = View::of(&log);
+    let mut page = Page::open(view.address, "");
+    page.say(&json!({"type": "play", "playing": false, "rate": 1.0, "looping": false}));
+    let end = 1000.0 + f64::from(SCANS);
+    page.say(&json!({"type": "seek", "time": end}));
+    let told = page.next("damage");
+    assert!(told["text"].as_str().unwrap().contains("checksum"), "{told}");
+    while page.last("timeline")["at"] != json!(end) {
+        page.next("frame");
+    }
+    assert_eq!(Page::open(view.address, "").next("damage"), told, "the place is counted once");
+}
+
+#[test]
+fn a_variable_that_is_watched_has_its_value_of_any_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    recorded(&log);
+    let view = View::of(&log);
+    let mut page = Page::open(view.address, "");
+    page.say(&json!({"type": "play", "playing": false, "rate": 1.0, "looping": false}));
+    let seek = |page: &mut Page, scan: i32| {
+        let time = 1000.5 + f64::from(scan);
+        page.say(&json!({"type": "seek", "time": time}));
+        while page.last("timeline")["at"] != json!(time) {
+            page.next("frame");
+        }
+    };
+    let shows = |page: &mut Page, x: f64| {
+        while page.last("value")["value"]["pose"]["translation"][0] != json!(x) {
+            page.next("value");
+        }
+    };
+    seek(&mut page, 2_000);
+    // Nothing is played, and nothing more is said.
+    page.say(&json!({"type": "watch", "keys": ["NAV"]}));
+    shows(&mut page, 2_000.0);
+    for scan in [2_900, 700, 1_200] {
+        seek(&mut page, scan);
+        shows(&mut page, f64::from(scan));
+    }
+    // Said once, long before.
+    page.say(&json!({"type": "watch", "keys": ["DRAWING/Map/brief"]}));
+    while page.last("value")["key"] != "DRAWING/Map/brief" {
+        page.next("value");
+    }
+    assert_eq!(page.last("value")["time"], json!(999.0));
+    seek(&mut page, 2_900);
+    assert_eq!(page.last("value")["time"], json!(999.0), "it is said anew behind a reset");
+    seek(&mut page, 999);
+    page.say(&json!({"type": "watch", "keys": ["NAV"]}));
+    assert_eq!(page.next("value")["key"], "NAV", "it was not said yet");
 }
 
 #[test]

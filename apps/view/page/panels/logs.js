@@ -21,7 +21,8 @@ export function logsPanel(panel, { link }) {
         ask();
     };
     link.on("apps", ({ rows }) => {
-        names = rows.map(({ name }) => name);
+        // The launcher speaks to the terminal.
+        names = rows.filter(({ type }) => type !== "launcher").map(({ name }) => name);
         keep(
             choice,
             names,
@@ -29,7 +30,7 @@ export function logsPanel(panel, { link }) {
             name => make("option", { value: name, textContent: name }),
             () => {},
         );
-        if (app === null && names.length > 0) choose(names.at(0));
+        if (app === null && names.length > 0) choose((rows.find(({ element }) => element) ?? rows[0]).name);
     });
     link.on("log", message => {
         if (message.app !== app) return;

@@ -20,7 +20,7 @@ export function runPanel(panel, { link, plots }) {
         { class: "stats" },
         ...FIGURES.map(([name], i) => make("div", {}, make("dt", { textContent: name }), values[i])),
     );
-    const summary = make("section", { hidden: true });
+    const summary = make("section", { hidden: true, class: "summary" });
     const curves = make("section");
     panel.append(summary, stats, curves, plots.element);
 
@@ -48,28 +48,54 @@ export function runPanel(panel, { link, plots }) {
         chart.redraw();
     });
     link.on("end", ({ summary: facts }) => {
-        summary.replaceChildren(make("h2", { textContent: "The mission is over" }), factsOf(facts));
+        summary.replaceChildren(make("h2", { textContent: "The mission is over" }), ...sections(facts));
         summary.hidden = false;
         panel.scrollTop = 0;
     });
 }
 
-/** Any object as a list of names and values, objects in it as lists in it. */
-function factsOf(facts) {
-    const rows = Object.entries(facts)
-        .filter(([, value]) => value !== null)
-        .flatMap(([name, value]) => [make("dt", { textContent: plainName(name) }), make("dd", {}, worded(value))]);
-    return make("dl", { class: "facts" }, ...rows);
+const isObject = value => value !== null && typeof value === "object" && !Array.isArray(value);
+const isPair = item => Array.isArray(item) && item.length === 2 && typeof item[0] === "string";
+/** A text of more characters comes after the figures. */
+const LONG = 60;
+
+/** A report a section, and what is in none of them in one without a name. */
+function sections(facts) {
+    const reports = Object.entries(facts).filter(([, value]) => isObject(value));
+    const others = Object.entries(facts).filter(([, value]) => !isObject(value));
+    return [
+        ...(others.length > 0 ? [list(others)] : []),
+        ...reports.flatMap(([name, report]) => [
+            make("h3", { textContent: plainName(name) }),
+            list(Object.entries(report)),
+        ]),
+    ];
 }
 
+/** Names and values in their order, but for long texts, which come last. */
+function list(entries) {
+    const rows = entries.filter(([, value]) => value !== null).map(([name, value]) => [plainName(name), worded(value)]);
+    const isLong = ([, text]) => text.length > LONG;
+    const sorted = [...rows.filter(row => !isLong(row)), ...rows.filter(isLong)];
+    const parts = sorted.flatMap(([name, text]) => [
+        make("dt", { textContent: name }),
+        make("dd", { textContent: text }),
+    ]);
+    return make("dl", { class: "facts" }, ...parts);
+}
+
+/** Any value in words: of what counts things, only what there are. */
 function worded(value) {
     if (typeof value === "number") return figure(value);
     if (typeof value === "boolean") return value ? "yes" : "no";
-    if (Array.isArray(value))
-        return value.some(item => item && typeof item === "object")
-            ? make("div", {}, ...value.map(worded))
-            : value.map(worded).join(", ") || "none";
-    return value !== null && typeof value === "object" ? factsOf(value) : String(value ?? "–");
+    if (Array.isArray(value) && value.every(isPair)) return named(value);
+    if (Array.isArray(value)) return value.map(worded).join(value.some(isObject) ? "\n" : ", ") || "none";
+    return isObject(value) ? named(Object.entries(value)) : String(value ?? "–");
+}
+
+function named(pairs) {
+    const there = pairs.filter(([, value]) => value !== null && value !== 0);
+    return there.map(([name, value]) => `${plainName(name)} ${worded(value)}`).join(", ") || "none";
 }
 
 /** `path_length_m` as `path length (m)`. */

@@ -36,6 +36,7 @@ pub use host::{FoxgloveOptions, Mission};
 pub use protocol::Parameter;
 
 use crate::admission::{Key, is_this_machine, same, token};
+use crate::connections::Bounded;
 use crate::error::ViewError;
 use crate::server::stopped;
 use host::Host;
@@ -78,13 +79,11 @@ pub fn serve_foxglove(
             named("parameters").spawn_scoped(threads, || watch_parameters(&host, stop)).map_err(ViewError::Io)?;
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Io)?;
             let served = runtime.block_on(async {
-                let listener = tokio::net::TcpListener::from_std(listener).map_err(ViewError::Io)?;
+                let listener = Bounded::of(listener).map_err(ViewError::Io)?;
                 on_ready(&format!("ws://{address}{query}"));
                 let router = Router::new().fallback(connect).with_state(host.clone());
-                tokio::select! {
-                    served = axum::serve(listener, router) => served.map_err(ViewError::Io),
-                    () = stopped(stop) => Ok(()),
-                }
+                let serving = async { axum::serve(listener, router).await.map_err(ViewError::Io) };
+                tokio::select! { served = serving => served, () = stopped(stop) => Ok(()) }
             });
             runtime.shutdown_background();
             served

@@ -5,17 +5,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use axum::body::Bytes;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
-use tokio::time::timeout;
+use tokio::time::{interval, timeout};
 
 use super::host::Host;
 use super::outbox::Outbox;
 use super::protocol::{self, ClientChannel, JSON, Level, Parameter, Said, SaidBinary};
 use super::services;
+use crate::connections::PING_EVERY;
 use crate::words::Order;
 
 /// How long a client may take to take a message, before it is given up.
@@ -55,21 +57,25 @@ pub(super) async fn serve(number: u64, socket: WebSocket, host: Arc<Host>) {
     let calls = Arc::default();
     let mut session =
         Session { number, host: host.clone(), outbox: outbox.clone(), channels: BTreeMap::new(), jobs, calls };
+    let mut pings = interval(PING_EVERY);
     loop {
-        tokio::select! {
+        let message = tokio::select! {
             heard = said.next() => match heard {
-                Some(Ok(Message::Text(text))) => session.hear(&text),
-                Some(Ok(Message::Binary(bytes))) => session.hear_binary(&bytes),
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
-                Some(Ok(Message::Close(_)) | Err(_)) | None => break,
+                Some(Ok(message)) => match session.take_message(&message) {
+                    true => continue,
+                    false => break,
+                },
+                Some(Err(_)) | None => break,
             },
             message = outbox.next() => match message {
-                Ok(message) => match timeout(SEND_PATIENCE, out.send(message)).await {
-                    Ok(Ok(())) => {}
-                    Ok(Err(_)) | Err(_) => break,
-                },
+                Ok(message) => message,
                 Err(_) => break,
             },
+            _ = pings.tick() => Message::Ping(Bytes::new()),
+        };
+        match timeout(SEND_PATIENCE, out.send(message)).await {
+            Ok(Ok(())) => {}
+            Ok(Err(_)) | Err(_) => break,
         }
     }
     host.hub.leave(number);
@@ -86,6 +92,17 @@ async fn work(mut waiting: mpsc::Receiver<Job>) {
 impl Session {
     fn complain(&self, why: &str) {
         self.outbox.say(protocol::status(Level::Error, why, None));
+    }
+
+    /// Takes what has come; whether the client stays.
+    fn take_message(&mut self, message: &Message) -> bool {
+        match message {
+            Message::Text(text) => self.hear(text),
+            Message::Binary(bytes) => self.hear_binary(bytes),
+            Message::Ping(_) | Message::Pong(_) => {}
+            Message::Close(_) => return false,
+        }
+        true
     }
 
     fn hear(&mut self, text: &str) {

@@ -66,6 +66,7 @@ impl Page {
                         self.resets += 1;
                         self.bricks.clear();
                         self.drawings.clear();
+                        self.last.remove("value");
                     }
                     if message["type"] == "drawings" {
                         let rows = message["rows"].as_array().unwrap().clone();
