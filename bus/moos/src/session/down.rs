@@ -5,16 +5,16 @@ use elk_proto::wire::{self, BULK, Frame, LATEST, Named, ValueKind};
 
 use super::refusal::Refusal;
 use crate::message::{Data, Kind, Message, NO_ID, NO_NUMBER};
-use crate::text::{Form, Texts};
+use crate::text::{Form, Poses, Texts};
 
 /// What the broker's numbers stand for, by kind, as far as it has said so.
 #[derive(Debug)]
 pub struct Down {
     names: [Vec<Box<[u8]>>; 4],
-    /// Variables whose typed values the client hears as texts; which of the broker's they are, and what its types of such
-    /// texts are, or why they are none.
+    /// Variables whose typed values the client hears as texts; which of the broker's they are and how their poses are told, and
+    /// what its types of such texts are, or why they are none.
     texts: Texts,
-    is_text: Vec<bool>,
+    poses: Vec<Option<Poses>>,
     forms: Vec<Result<Form, String>>,
     /// The text of the message that is told next, if it is told as one.
     text: Option<String>,
@@ -23,7 +23,7 @@ pub struct Down {
 impl Down {
     /// For a client that hears the typed values of these variables as texts.
     pub fn new(texts: Texts) -> Self {
-        Self { names: Default::default(), texts, is_text: Vec::new(), forms: Vec::new(), text: None }
+        Self { names: Default::default(), texts, poses: Vec::new(), forms: Vec::new(), text: None }
     }
 
     /// Takes in a definition. The broker, which is here in this process, gives numbers in order, so none is far off.
@@ -38,8 +38,8 @@ impl Down {
             _ => {}
         }
         if what == Named::Key {
-            let is_text = std::str::from_utf8(frame.aux).is_ok_and(|name| self.texts.names(name));
-            put_at(&mut self.is_text, number, is_text, || false);
+            let poses = std::str::from_utf8(frame.aux).ok().and_then(|name| self.texts.poses(name));
+            put_at(&mut self.poses, number, poses, || None);
         }
         put_at(&mut self.names[what as usize], number, frame.aux.into(), Box::default);
     }
@@ -51,13 +51,13 @@ impl Down {
     pub fn put_into_text(&mut self, frame: &Frame<'_>) -> Result<(), Refusal> {
         let header = frame.header;
         self.text = None;
-        let is_text = || self.is_text.get(header.key as usize).is_some_and(|is_text| *is_text);
-        if header.value_kind != ValueKind::Binary || header.flags & BULK != 0 || !is_text() {
+        let Some(poses) = self.poses.get(header.key as usize).copied().flatten() else { return Ok(()) };
+        if header.value_kind != ValueKind::Binary || header.flags & BULK != 0 {
             return Ok(());
         }
         let variable = String::from_utf8_lossy(self.name(Named::Key, header.key)).into_owned();
         let text = match self.forms.get(header.type_ as usize) {
-            Some(Ok(form)) => form.text(&variable, frame.value),
+            Some(Ok(form)) => form.text(&variable, frame.value, poses),
             Some(Err(reason)) => Err(reason.clone()),
             None => Err("nobody has said what it is".to_owned()),
         };
