@@ -43,7 +43,9 @@ impl Carrier {
     fn let_in(&mut self, now: f64, connection: u64, stream: Arc<UnixStream>, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
         let Hello { protocol, name, build, lease_secs, succeeds, returns } = hello;
-        let who = Introduction { name, build, lease_secs: *lease_secs, succeeds: *succeeds, returns: *returns };
+        // A process is started again by the wall's time, whatever the community's is.
+        let lease_secs = lease_secs * self.clock.warp();
+        let who = Introduction { name, build, lease_secs, succeeds: *succeeds, returns: *returns };
         let admitted = match *protocol {
             handshake::PROTOCOL => self.host.join(now, &who, &mut self.peers).map_err(|refusal| refusal.to_string()),
             other => Err(format!(
