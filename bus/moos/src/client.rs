@@ -74,9 +74,16 @@ impl MoosClient {
     /// # Errors
     /// It is not let in, or there is no server.
     pub fn connect(address: SocketAddr, name: &str, manner: Manner) -> Result<Self, ClientError> {
+        Self::connect_at(address, name, manner, Clock::new(1.0))
+    }
+
+    /// … with a clock that has the community's time warp, as MOOS' clients are told of it by their file.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn connect_at(address: SocketAddr, name: &str, manner: Manner, clock: Clock) -> Result<Self, ClientError> {
         let mut socket = TcpStream::connect(address)?;
         socket.set_nodelay(true)?;
-        let clock = Clock::new(1.0);
         let mut first = greeting().to_vec();
         Hello { name: name.to_owned(), manner, time: clock.now() }.put(&mut first);
         socket.write_all(&first)?;

@@ -8,6 +8,7 @@
 //! | a number, a flag, a text | as it is; a text that has a comma or the like in it, in quotes, as in JSON |
 //! | numbers in an array, in a tuple, or of a rotation | `[3x1]{0.4,1.9,2.2}` |
 //! | a list of numbers, or of what holds so many numbers and nothing else | a row for each: `[2x3]{0,0,0,1,0,0}` |
+//! | a pose in space | as a struct; read also, and told of a variable of `:plane`, as the thesis has it: `[3x1]{0.4,1.9,2.2}`, x and y (m) and the heading (rad) |
 //! | an option without a value | nothing |
 //! | a variant | its name; what it holds stands under keys that go on from it: `Decision=Go,Decision.Go.Points=…` |
 //! | anything else | JSON, as `elk echo NAME --json` shows it |
@@ -16,6 +17,7 @@
 //! there. What is no struct is a `Value`.
 
 mod keys;
+mod pose;
 mod read;
 mod write;
 
@@ -31,7 +33,19 @@ pub use read::Read;
 /// The longest value that becomes a text (bytes): it is made by whoever serves everybody.
 pub const LONGEST_VALUE: usize = 64 << 10;
 
-/// Which variables' typed values are texts for clients of MOOS': patterns.
+/// What stands behind the pattern of variables whose poses are told in the plane.
+const PLANE: &str = ":plane";
+
+/// How poses in space are told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Poses {
+    /// As a rotation and a translation.
+    InSpace,
+    /// As three numbers, x and y (m) and the heading (rad); what else they have is left out.
+    InPlane,
+}
+
+/// Which variables' typed values are texts for clients of MOOS': patterns, with `:plane` behind one if poses are told in the plane.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Texts(Vec<String>);
 
@@ -52,9 +66,13 @@ impl Texts {
         self.0.is_empty()
     }
 
-    /// Whether a variable is one of them.
-    pub fn names(&self, variable: &str) -> bool {
-        self.0.iter().any(|one| pattern::matches(one, variable))
+    /// How the poses of a variable are told, if it is one of them.
+    pub fn poses(&self, variable: &str) -> Option<Poses> {
+        let poses = |said: &String| match said.strip_suffix(PLANE) {
+            Some(pattern) => pattern::matches(pattern, variable).then_some(Poses::InPlane),
+            None => pattern::matches(said, variable).then_some(Poses::InSpace),
+        };
+        self.0.iter().filter_map(poses).max()
     }
 
     /// The patterns.
@@ -79,17 +97,17 @@ impl Form {
         Ok(Self(type_))
     }
 
-    /// A value of `variable` as text.
+    /// A value of `variable` as text, its poses told so.
     ///
     /// # Errors
     /// The bytes are none of the type, or more than [`LONGEST_VALUE`].
-    pub fn text(&self, variable: &str, bytes: &[u8]) -> Result<String, String> {
+    pub fn text(&self, variable: &str, bytes: &[u8], poses: Poses) -> Result<String, String> {
         if bytes.len() > LONGEST_VALUE {
             return Err(format!("its value has {} bytes; at most {LONGEST_VALUE} become a text", bytes.len()));
         }
         let description = self.0.as_ref().description().ok_or("nobody has described it")?;
         let json = description.to_json(bytes, usize::MAX).map_err(|error| error.to_string())?;
-        Ok(write::text(description.kind(), variable, &json))
+        Ok(write::text(description.kind(), variable, &json, poses))
     }
 
     /// What a text of `variable` says.

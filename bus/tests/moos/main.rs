@@ -7,3 +7,4 @@ mod hostile;
 mod mail;
 mod server;
 mod text;
+mod warp;

@@ -33,6 +33,11 @@ impl Served {
     }
 
     pub fn with(name: &str, change: impl FnOnce(GatewayOptions) -> GatewayOptions) -> Self {
+        Self::warped(name, 1.0, change)
+    }
+
+    /// … whose clock runs so many times as fast as the wall's.
+    pub fn warped(name: &str, warp: f64, change: impl FnOnce(GatewayOptions) -> GatewayOptions) -> Self {
         let community = Community::new(format!("moos-{name}-{}", std::process::id())).unwrap();
         let options = change(GatewayOptions::new("127.0.0.1:0".parse().unwrap()));
         let listening = Listening::at(options).unwrap();
@@ -43,7 +48,7 @@ impl Served {
         let (served, running) = (community.clone(), stop.clone());
         let (ready, is_ready) = channel();
         let thread = std::thread::spawn(move || {
-            let mut server = Server::start(served, config, Clock::new(1.0), Some(listening)).unwrap();
+            let mut server = Server::start(served, config, Clock::new(warp), Some(listening)).unwrap();
             ready.send(()).unwrap();
             server.run(&running);
         });

@@ -23,12 +23,10 @@ impl Answering<'_> {
     /// The value of a variable as text, if it is told as one and can be.
     fn text(&self, one: &Surveyed<'_>) -> Option<String> {
         let latest = one.latest.as_ref().filter(|frame| frame.header.flags & BULK == 0)?;
-        if latest.header.value_kind != ValueKind::Binary || !self.texts.names(one.key) {
-            return None;
-        }
+        let poses = self.texts.poses(one.key).filter(|_| latest.header.value_kind == ValueKind::Binary)?;
         let Some(Carried::Typed { name, layout, description }) = self.broker.carried(one.key) else { return None };
         let form = Form::of(Type::from_text(name, layout, description).ok()?).ok()?;
-        form.text(one.key, latest.value).ok()
+        form.text(one.key, latest.value, poses).ok()
     }
 }
 

@@ -33,10 +33,8 @@ impl Down {
             return Ok(());
         }
         let (variable, ..) = broker.said(Named::Key, header.key);
-        if !self.texts.names(variable) {
-            return Ok(());
-        }
-        let text = forms.of(header.type_, broker).and_then(|form| form.text(variable, frame.value));
+        let Some(poses) = self.texts.poses(variable) else { return Ok(()) };
+        let text = forms.of(header.type_, broker).and_then(|form| form.text(variable, frame.value, poses));
         let refused = |reason| Refusal {
             key: variable.to_owned(),
             reason: format!("it is told as bytes and not as text: {reason}"),

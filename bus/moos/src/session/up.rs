@@ -127,7 +127,7 @@ impl Up {
             return Ok(None);
         }
         let (variable, said) = (text(message.key, message.key)?, text(message.value, message.key)?);
-        if !self.texts.names(variable) {
+        if self.texts.poses(variable).is_none() {
             return Ok(None);
         }
         let refused = |reason: String| Refusal { key: shown(message.key), reason };

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use elk_describe::{Content, Field, Kind, shown};
+use elk_describe::{Content, Field, Kind, Struct, shown};
 use serde_json::{Map, Number, Value};
 
 use super::keys::{NAME, TIME, VALUE, has_field, joined, key, plain, width};
+use super::pose;
 use super::write::is_nothing_itself;
 
 /// The most keys of a text.
@@ -145,9 +146,10 @@ impl<'a> Reader<'a> {
             },
             Kind::Struct(one) => match (width(kind), self.take(way)) {
                 // What is nothing but numbers may be said as these.
-                (Some(_), Some(said)) => {
-                    matrix(kind, way, said).map_err(|error| format!("{error}, or {}", keys_of(&one.fields, way)))
-                }
+                (Some(_), Some(said)) => match in_plane(said).and_then(|numbers| pose::in_space(one, numbers)) {
+                    Some(pose) => Ok(pose),
+                    None => matrix(kind, way, said).map_err(|error| format!("{error}, or {}", others(one, way))),
+                },
                 (None, Some(_)) => {
                     Err(format!("{way} has no value of its own; right is {}", keys_of(&one.fields, way)))
                 }
@@ -249,6 +251,20 @@ fn matrix(kind: &Kind, way: &str, said: &str) -> Result<Value, String> {
         Some(inner) => (0..rows * columns / each).map(|_| next(inner)).collect(),
         None => next(kind),
     }
+}
+
+/// The numbers of a pose in the plane, if it is said as one.
+fn in_plane(said: &str) -> Option<[f64; pose::NUMBERS]> {
+    let (rows, columns, numbers) = parts(said)?;
+    let numbers: Vec<f64> = numbers.into_iter().map(|number| number.parse().ok()).collect::<Option<_>>()?;
+    (rows.min(columns) == 1 && rows.max(columns) == pose::NUMBERS).then_some(())?;
+    numbers.try_into().ok()
+}
+
+/// What else than all of its numbers a struct may be said as.
+fn others(one: &Struct, way: &str) -> String {
+    let in_plane = if pose::names(one).is_some() { "[3x1]{x,y,heading}, or " } else { "" };
+    format!("{in_plane}{}", keys_of(&one.fields, way))
 }
 
 /// Rows, columns and numbers of a matrix as it is written.

@@ -106,7 +106,7 @@ fn example() -> Value {
 fn the_thesis_pose_estimate_goes_both_ways() {
     let (form, said) = (form::<PoseEstimate>("PoseEstimate"), "Name=POSE_ESTIMATE,Pose=[3x1]{0.4,1.9,2.2}");
     let value = bytes::<PoseEstimate>(&json!({"pose": [0.4, 1.9, 2.2]}));
-    assert_eq!(form.text("POSE_ESTIMATE", &value).unwrap(), said);
+    assert_eq!(form.text("POSE_ESTIMATE", &value, Poses::InSpace).unwrap(), said);
     let read = |said: &str| form.read("POSE_ESTIMATE", said).unwrap();
     assert_eq!(read(said), Read { bytes: value.clone(), time: None });
     // As it is printed there, with blanks and the time.
@@ -117,10 +117,48 @@ fn the_thesis_pose_estimate_goes_both_ways() {
     }
 }
 
+/// Where a camera of elk's is.
+#[derive(Describe)]
+struct CameraPose {
+    /// The command.
+    command: u64,
+    /// The pose.
+    pose: nalgebra::Isometry3<f64>,
+}
+
+#[test]
+fn three_numbers_are_a_pose_in_the_plane() {
+    let form = form::<CameraPose>("CameraPose");
+    let said = "Name=SIM,Command=1,Pose=[3x1]{0.4,1.9,2.2}";
+    let bytes = form.read("SIM", said).unwrap().bytes;
+    assert_eq!(form.text("SIM", &bytes, Poses::InPlane).unwrap(), said, "both ways");
+    let json = Description::of(&CameraPose::SHAPE).to_json(&bytes, usize::MAX).unwrap();
+    let rotation: Vec<f64> = serde_json::from_value(json["pose"]["rotation"].clone()).unwrap();
+    let turn =
+        nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::from(<[f64; 4]>::try_from(rotation).unwrap()));
+    let (sin, cos) = 2.2_f64.sin_cos();
+    for (axis, points) in [
+        (nalgebra::Vector3::z(), [cos, sin, 0.0]),
+        (nalgebra::Vector3::x(), [sin, -cos, 0.0]),
+        (nalgebra::Vector3::y(), [0.0, 0.0, -1.0]),
+    ] {
+        assert!((turn * axis - nalgebra::Vector3::from(points)).norm() < 1e-12, "x right, y down, z forward");
+    }
+    assert_eq!(json["pose"]["translation"], json!([0.4, 1.9, 0.0]));
+    let whole = form.text("SIM", &bytes, Poses::InSpace).unwrap();
+    assert!(whole.contains("Pose.Rotation=[4x1]{") && form.read("SIM", &whole).unwrap().bytes == bytes, "{whole}");
+    let wrong = form.read("SIM", "Command=1,Pose=[2x1]{0.4,1.9}").unwrap_err();
+    assert!(wrong.contains("[7x1]{…}, or [3x1]{x,y,heading}, or Pose.Rotation and Pose.Translation"), "{wrong}");
+    assert!(form.read("SIM", "Command=1,Pose=[3x1]{0.4,x,2}").is_err());
+    let texts = Texts::of("SIM_*:plane NAV");
+    let told = ["SIM_POSE", "NAV", "OTHER"].map(|variable| texts.poses(variable));
+    assert_eq!(told, [Some(Poses::InPlane), Some(Poses::InSpace), None]);
+}
+
 #[test]
 fn every_kind_of_value_has_its_text() {
     let (form, value) = (form::<Everything>("Everything"), bytes::<Everything>(&example()));
-    let text = form.text("ALL", &value).unwrap();
+    let text = form.text("ALL", &value, Poses::InSpace).unwrap();
     let expected = concat!(
         "Name=ALL,Id=18446744073709551615,CpuSecs=0.1,EarlyStop=true,Words=plain words,Seen.X=-3,Seen.Y=4,",
         "Turn=[2x2]{0.1,1.0,2.0,3.5},Small=[2x1]{-128,127},Voxels=[2x2]{1,2,3,4},",
@@ -142,7 +180,7 @@ fn every_kind_of_value_has_its_text() {
     ] {
         changed["decision"] = decision;
         let value = bytes::<Everything>(&changed);
-        let text = form.text("ALL", &value).unwrap();
+        let text = form.text("ALL", &value, Poses::InSpace).unwrap();
         assert!(text.contains(said), "{text}");
         assert_eq!(form.read("ALL", &text).unwrap().bytes, value);
     }
@@ -151,7 +189,7 @@ fn every_kind_of_value_has_its_text() {
 #[test]
 fn a_wrong_text_is_told_its_key_and_what_would_be_right() {
     let form = form::<Everything>("Everything");
-    let good = form.text("ALL", &bytes::<Everything>(&example())).unwrap();
+    let good = form.text("ALL", &bytes::<Everything>(&example()), Poses::InSpace).unwrap();
     let wrong = |from: &str, to: &str| {
         assert!(good.contains(from), "{from}");
         form.read("ALL", &good.replace(from, to)).unwrap_err()
@@ -194,11 +232,11 @@ fn a_wrong_text_is_told_its_key_and_what_would_be_right() {
 fn what_is_no_struct_and_what_has_a_name_of_its_own_have_texts_too() {
     let number = form::<f64>("Depth");
     let value = bytes::<f64>(&json!(1.5));
-    assert_eq!(number.text("DEPTH", &value).unwrap(), "Name=DEPTH,Value=1.5");
+    assert_eq!(number.text("DEPTH", &value, Poses::InSpace).unwrap(), "Name=DEPTH,Value=1.5");
     assert_eq!(number.read("DEPTH", "Value=1.5").unwrap().bytes, value);
     let counter = form::<Counter>("Counter");
     let value = bytes::<Counter>(&json!({"name": "", "value": "inf"}));
-    assert_eq!(counter.text("COUNT", &value).unwrap(), "Name=\"\",Value=inf");
+    assert_eq!(counter.text("COUNT", &value, Poses::InSpace).unwrap(), "Name=\"\",Value=inf");
     assert_eq!(counter.read("COUNT", "Name=\"\",Value=inf").unwrap().bytes, value);
 }
 
@@ -212,16 +250,20 @@ fn what_cannot_be_a_text_is_said() {
     let twin = Type::described("Twin", Description::from_text(twin).unwrap());
     assert_eq!(Form::of(twin).unwrap_err(), "Twin is no text: another name is the same key as AB");
     let form = form::<Counter>("Counter");
-    assert!(form.text("X", &[1]).unwrap_err().starts_with("the bytes are no Counter"));
-    assert!(form.text("X", &vec![0; LONGEST_VALUE + 1]).unwrap_err().contains("at most 65536 become a text"));
+    assert!(form.text("X", &[1], Poses::InSpace).unwrap_err().starts_with("the bytes are no Counter"));
+    assert!(
+        form.text("X", &vec![0; LONGEST_VALUE + 1], Poses::InSpace)
+            .unwrap_err()
+            .contains("at most 65536 become a text")
+    );
 }
 
 #[test]
 fn patterns_stand_with_blanks_or_commas_between_them() {
     let texts = Texts::of(" SIM_SENSOR, PLAN\tNAV_* ");
     assert_eq!(texts.patterns().collect::<Vec<_>>(), ["SIM_SENSOR", "PLAN", "NAV_*"]);
-    assert!(texts.names("NAV_X") && texts.names("PLAN") && !texts.names("PLAN_REQUEST"));
-    assert!(Texts::default().is_empty() && !Texts::default().names("X"));
+    assert!(texts.poses("NAV_X").is_some() && texts.poses("PLAN").is_some() && texts.poses("PLAN_REQUEST").is_none());
+    assert!(Texts::default().is_empty() && Texts::default().poses("X").is_none());
 }
 
 fn everything() -> impl Strategy<Value = Value> {
@@ -268,7 +310,7 @@ proptest! {
     #[test]
     fn values_come_back_from_their_texts(value in everything()) {
         let (form, value) = (form::<Everything>("Everything"), bytes::<Everything>(&value));
-        let text = form.text("ALL", &value).unwrap();
+        let text = form.text("ALL", &value, Poses::InSpace).unwrap();
         let back = form.read("ALL", &text);
         prop_assert_eq!(back, Ok(Read { bytes: value, time: None }), "{}", text);
     }

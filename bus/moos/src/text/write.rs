@@ -4,10 +4,11 @@ use elk_describe::{Content, Field, Kind};
 use serde_json::Value;
 
 use super::keys::{NAME, VALUE, has_field, joined, key, width};
+use super::{Poses, pose};
 
 /// The text of a value of `variable`, which is said as JSON.
-pub fn text(kind: &Kind, variable: &str, json: &Value) -> String {
-    let mut writer = Writer(String::new());
+pub fn text(kind: &Kind, variable: &str, json: &Value, poses: Poses) -> String {
+    let mut writer = Writer { text: String::new(), poses };
     if !has_field(kind, NAME) {
         writer.put(NAME, &plain_or_quoted(variable));
     }
@@ -15,15 +16,18 @@ pub fn text(kind: &Kind, variable: &str, json: &Value) -> String {
         Kind::Struct(one) => writer.fields(&one.fields, json, ""),
         _ => writer.value(kind, json, VALUE),
     }
-    writer.0
+    writer.text
 }
 
-struct Writer(String);
+struct Writer {
+    text: String,
+    poses: Poses,
+}
 
 impl Writer {
     fn put(&mut self, way: &str, value: &str) {
-        let comma = if self.0.is_empty() { "" } else { "," };
-        self.0 += &format!("{comma}{way}={value}");
+        let comma = if self.text.is_empty() { "" } else { "," };
+        self.text += &format!("{comma}{way}={value}");
     }
 
     fn fields(&mut self, fields: &[Field], json: &Value, way: &str) {
@@ -39,7 +43,10 @@ impl Writer {
                 Value::Null => {}
                 json => self.value(inner, json, way),
             },
-            (Kind::Struct(one), _) => self.fields(&one.fields, json, way),
+            (Kind::Struct(one), _) => match pose::in_plane(one, json).filter(|_| self.poses == Poses::InPlane) {
+                Some(numbers) => self.row(&numbers.map(|number| Value::from(number).to_string()), way),
+                None => self.fields(&one.fields, json, way),
+            },
             (Kind::Enum(one), _) => {
                 let said = match json {
                     Value::Object(object) => object.iter().next().map(|(name, content)| (name.as_str(), content)),
@@ -70,6 +77,11 @@ impl Writer {
                 None => self.put(way, &json.to_string()),
             },
         }
+    }
+
+    /// Numbers that stand below each other.
+    fn row(&mut self, numbers: &[String], way: &str) {
+        self.put(way, &format!("[{}x1]{{{}}}", numbers.len(), numbers.join(",")));
     }
 
     /// Values, each of so many numbers.
