@@ -5,14 +5,15 @@ use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
 use elk_spatial::playback::{Playback, PoseEstimate};
 
-use super::estimator::{Located, PoseEstimator};
-use super::frame::{BadFrame, Frame, Recording};
+use super::frames::Recording;
+use crate::frame::{BadFrame, Frame};
+use crate::pose_estimator::{Located, PoseEstimator};
 use crate::source::Seen;
 
 /// A recording on its way.
 pub struct Player {
     recording: Box<dyn Recording>,
-    estimator: PoseEstimator,
+    estimator: Box<dyn PoseEstimator>,
     /// Frames that may still come; none: all that there are.
     left: Option<u64>,
     start: Pose,
@@ -23,6 +24,8 @@ pub struct Player {
     bad: u64,
     lost: u64,
     path_length_m: f64,
+    /// Why it ends before its last frame; empty: it does not.
+    cut: String,
     /// Squares of the distances from recorded positions (m²), their sum, and how many there are.
     off: (f64, u64),
 }
@@ -38,11 +41,24 @@ pub struct Advance {
 
 impl Player {
     /// At the recording's beginning; `frames`: only so many are played.
-    pub fn new(recording: Box<dyn Recording>, estimator: PoseEstimator, frames: Option<u64>) -> Self {
+    pub fn new(recording: Box<dyn Recording>, estimator: Box<dyn PoseEstimator>, frames: Option<u64>) -> Self {
         let start = recording.start();
         let (last, off) = (None, (0.0, 0));
         let (frames, left) = (0, frames);
-        Self { recording, estimator, left, start, last, frames, scans: 0, bad: 0, lost: 0, path_length_m: 0.0, off }
+        Self {
+            recording,
+            estimator,
+            left,
+            start,
+            last,
+            frames,
+            scans: 0,
+            bad: 0,
+            lost: 0,
+            path_length_m: 0.0,
+            cut: String::new(),
+            off,
+        }
     }
 
     /// What the recording's sensor can see.
@@ -92,7 +108,7 @@ impl Player {
     }
 
     fn next_secs(&self) -> Option<f64> {
-        self.recording.next_secs().filter(|_| self.left != Some(0))
+        self.recording.next_secs().filter(|_| self.left != Some(0) && self.cut.is_empty())
     }
 
     /// How far it is, after this command.
@@ -108,6 +124,7 @@ impl Player {
             path_length_m,
             pose: self.pose(),
             next_secs: self.next_secs(),
+            cut: self.cut.clone(),
             off_m: (compared > 0).then(|| (squares / compared as f64).sqrt()),
         }
     }
@@ -141,6 +158,13 @@ impl Player {
                 self.lost += 1;
                 estimates.push(PoseEstimate { lost: why.clone(), ..estimate });
                 Err(BadFrame { frame: frame.name, why: format!("lost: {why}") })
+            }
+            Located::Apart(why) => {
+                // A map that went on would be of two places at once.
+                self.lost += 1;
+                self.cut = format!("{}: {why}", frame.name);
+                estimates.push(PoseEstimate { lost: why.clone(), ..estimate });
+                Err(BadFrame { frame: frame.name, why: format!("lost for good: {why}; the recording ends here") })
             }
             Located::Bad(why) => {
                 self.bad += 1;

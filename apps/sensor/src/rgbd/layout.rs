@@ -6,54 +6,12 @@ use std::path::{Path, PathBuf};
 use elk_geometry::Pose;
 use elk_outside::file;
 
-use super::pose::{of_line, of_matrix};
+use crate::recording::{FolderError, Timed, entries, lines, of_line, of_matrix};
 
-/// The longest list of a folder that is read (bytes).
-const LONGEST_LIST: u64 = 1 << 28;
 /// The longest file of one pose that is read (bytes).
 const LONGEST_POSE: u64 = 1 << 14;
-/// An image's pose is the nearest in time, up to so far away (s), as the TUM benchmark's own tools have it.
-const APART_SECS: f64 = 0.02;
-
 const DEPTH: &str = ".depth.png";
 const POSE: &str = ".pose.txt";
-
-/// Why a folder is no recording.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// It is not there.
-    #[error(
-        "there is no folder {} ({why}): where the recorded data lie elsewhere, ELK_DATA or Sensor.Recording has to name it; \
-         {RIGHT}", .folder.display()
-    )]
-    Missing {
-        /// The folder.
-        folder: PathBuf,
-        /// What the operating system says.
-        why: std::io::Error,
-    },
-    /// There are no frames in it.
-    #[error("{}: there is neither a depth.txt nor a frame-….depth.png in it; {RIGHT}", .0.display())]
-    Empty(PathBuf),
-    /// A list in it cannot be read.
-    #[error("{}: {why}; {RIGHT}", .list.display())]
-    List {
-        /// The list.
-        list: PathBuf,
-        /// Why not.
-        why: String,
-    },
-    /// None of its images can be used.
-    #[error("none of the {frames} depth images in {} can be used; {first}", .folder.display())]
-    Unusable {
-        /// The folder.
-        folder: PathBuf,
-        /// Images that were tried.
-        frames: usize,
-        /// What is wrong with the first.
-        first: String,
-    },
-}
 
 const RIGHT: &str = "right is a folder of frame-000000.depth.png with frame-000000.pose.txt (7-Scenes), or of depth.txt with groundtruth.txt (TUM)";
 
@@ -90,17 +48,19 @@ impl Listed {
 }
 
 /// The frames of a folder, in their order.
-pub(super) fn frames(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
-    let missing = |why| RecordingError::Missing { folder: folder.to_owned(), why };
-    let entries = std::fs::read_dir(folder).map_err(missing)?;
-    let names: BTreeSet<String> = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
+pub(super) fn frames(folder: &Path) -> Result<Vec<Listed>, FolderError> {
+    let names = entries(folder, RIGHT)?;
     let frames = match names.contains("depth.txt") {
         true => timed(folder)?,
         false => numbered(folder, &names),
     };
     match frames.iter().any(|frame| frame.depths.is_ok()) {
         true => Ok(frames),
-        false => Err(RecordingError::Empty(folder.to_owned())),
+        false => Err(FolderError::Empty {
+            folder: folder.to_owned(),
+            what: "neither a depth.txt nor a frame-….depth.png",
+            right: RIGHT,
+        }),
     }
 }
 
@@ -126,13 +86,8 @@ fn numbered(folder: &Path, names: &BTreeSet<String>) -> Vec<Listed> {
 }
 
 /// As TUM's benchmark has them: lists of images and of poses, with their times.
-fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
-    let poses: Vec<(f64, Pose)> = match folder.join("groundtruth.txt") {
-        list if list.exists() => lines(&list, of_line)?,
-        _ => Vec::new(),
-    };
-    let mut poses = poses;
-    poses.sort_by(|one, other| one.0.total_cmp(&other.0));
+fn timed(folder: &Path) -> Result<Vec<Listed>, FolderError> {
+    let poses = Timed::read(&folder.join("groundtruth.txt"), of_line)?;
     let image = |line: &str| {
         let (time, name) = line.split_once(char::is_whitespace).ok_or("a time and a file would be right")?;
         let secs: f64 =
@@ -146,32 +101,14 @@ fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
     let mut listed = |(secs, name): (f64, PathBuf)| {
         let backwards = (secs < last).then(|| format!("a time of {secs} s after one of {last} s: times go forwards"));
         last = last.max(secs);
-        let near = nearest(&poses, secs);
-        let none = || format!("groundtruth.txt has no pose within {APART_SECS} s of {secs} s");
         Listed {
             name: name.display().to_string(),
             depths: backwards.map_or_else(|| Ok(folder.join(&name)), Err),
             secs: Some(secs),
-            pose: Posed::Known(near.ok_or_else(none)),
+            pose: Posed::Known(poses.at(secs)),
         }
     };
     Ok(lines(&folder.join("depth.txt"), image)?.into_iter().map(&mut listed).collect())
-}
-
-fn nearest(poses: &[(f64, Pose)], secs: f64) -> Option<Pose> {
-    let after = poses.partition_point(|(time, _)| *time < secs);
-    let beside = poses[after.saturating_sub(1)..].iter().take(2);
-    let apart = |(time, _): &&(f64, Pose)| (time - secs).abs();
-    let near = beside.min_by(|one, other| apart(one).total_cmp(&apart(other)))?;
-    (apart(&near) <= APART_SECS).then_some(near.1)
-}
-
-/// The lines of a list that are no comments.
-fn lines<T>(list: &Path, read: impl Fn(&str) -> Result<T, String>) -> Result<Vec<T>, RecordingError> {
-    let wrong = |why: String| RecordingError::List { list: list.to_owned(), why };
-    let text = file::read_text(list, LONGEST_LIST).map_err(|error| wrong(error.to_string()))?;
-    let lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    lines.map(|(i, line)| read(line).map_err(|why| wrong(format!("line {}: {why}", i + 1)))).collect()
 }
 
 #[cfg(test)]
