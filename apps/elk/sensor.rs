@@ -8,14 +8,14 @@ use clap::Args;
 use elk_mission::Params;
 use elk_outside::file;
 use elk_sensor::matching;
-use elk_sensor::stereo_pair::{Pair, grey};
+use elk_sensor::stereo_pair::{Pair, Rectified, grey};
 use elk_stereo::{StereoCalibration, calibration};
 
 use crate::arguments::{AppArgs, CommunityArgs, setting};
 use crate::commands;
 use crate::target::Target;
 
-/// The type that is a pair of images.
+/// The type of which one pair of images can be looked at.
 const STEREO: &str = "Stereo";
 /// More than pictures of cameras have (bytes).
 const LONGEST_IMAGE: u64 = 256 << 20;
@@ -53,7 +53,9 @@ pub struct SensorArgs {
 pub fn run(arguments: SensorArgs) -> Result<ExitCode> {
     let SensorArgs { type_name, name, community, said, calibration, output } = arguments;
     let settings = |said: &[String]| said.iter().map(|one| setting(one)).collect::<Result<Vec<_>, _>>();
-    if type_name != STEREO {
+    // What names a parameter is no picture: of a type that plays recordings it says which.
+    let is_pair = type_name == STEREO && !(said.iter().any(|one| one.starts_with("Recording=")));
+    if !is_pair {
         if !calibration.is_empty() || output.is_some() {
             bail!("--calibration and -o are of a pair of images; right is --type {STEREO}");
         }
@@ -79,12 +81,10 @@ fn pair(images: [&Path; 2], calibration: &[PathBuf], params: &Params, output: &P
         grey(&bytes).with_context(|| path.display().to_string())
     });
     let calibration_name = calibration.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
-    let pair = Pair {
-        images: [left?, right?],
-        names: images.map(|path| path.display().to_string()),
-        calibration: &calibrated,
-        calibration_name,
-    };
+    let names = images.map(|path| path.display().to_string());
+    let images = [left?, right?];
+    let rectified = Rectified::new(&calibrated, calibration_name)?;
+    let pair = Pair { images, names, rectified: &rectified };
     let outcome = pair.matched(&mut *matcher)?;
     std::fs::create_dir_all(output).with_context(|| format!("cannot make the folder {}", output.display()))?;
     // All three are there when all are whole.

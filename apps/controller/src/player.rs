@@ -173,7 +173,8 @@ mod tests {
     fn playback(command: u64, scans: u64, next_secs: Option<f64>) -> Playback {
         let pose = Pose(Isometry3::translation(scans as f64, 0.0, 0.0));
         let path_length_m = scans as f64;
-        Playback { command, frames: command, scans, bad: 0, lost: 0, path_length_m, pose, next_secs, off_m: None }
+        let cut = String::new();
+        Playback { command, frames: command, scans, bad: 0, lost: 0, path_length_m, pose, next_secs, off_m: None, cut }
     }
 
     /// A player, what it is allowed, and a map that takes a scan when it is told.

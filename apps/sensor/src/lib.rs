@@ -4,8 +4,8 @@
 //! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
 //! camera in a [`World`](elk_world::World), which is what is truly there, and [`simulated_stereo`] two cameras in one, whose
 //! pictures are matched; [`surroundings`] is what both have in common. A [`recording`] decides itself where its sensor was:
-//! [`rgbd`] is one of a depth camera, [`laser2d`] one of a laser. [`stereo_pair`] is one pair of a real stereo camera,
-//! [`matching`] how pairs are matched.
+//! [`rgbd`] is one of a depth camera, [`laser2d`] one of a laser, [`stereo`] one of two cameras. Where its frames ([`frame`]) were
+//! taken a [`pose_estimator`] says. [`stereo_pair`] is one pair of a real stereo camera, [`matching`] how pairs are matched.
 //!
 //! # A sensor of one's own
 //!
@@ -22,9 +22,11 @@ pub const EXAMPLE: &str = include_str!("../examples/hall.rs");
 
 pub mod app;
 pub mod camera;
+pub mod frame;
 pub mod laser2d;
 pub mod matching;
 mod parameters;
+pub mod pose_estimator;
 pub mod program;
 pub mod recording;
 pub mod rgbd;
@@ -32,6 +34,7 @@ pub mod robot;
 pub mod simulated_stereo;
 pub mod simulator;
 pub mod source;
+pub mod stereo;
 pub mod stereo_pair;
 pub mod surroundings;
 #[cfg(test)]

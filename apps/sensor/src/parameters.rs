@@ -18,16 +18,10 @@ pub const COMMON: &[ParamSpec] = &[
     param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
 ];
 
-/// The parameters that all recorded sensors have.
+/// The parameters that all recorded sensors have, beside how their poses are estimated.
 pub const RECORDED: &[ParamSpec] = &[
     OUTPUT,
     POSE,
-    param(
-        "PoseEstimator",
-        Kind::Choice(&["none", "ICP"]),
-        "none",
-        "How poses are estimated; none: they are the recorded ones; ICP: from the scans alone, which are matched; the first is the recorded one.",
-    ),
     param(
         "Frames",
         Kind::Integer { min: 0, max: i64::MAX },
@@ -42,10 +36,34 @@ pub const RECORDED: &[ParamSpec] = &[
     ),
 ];
 
+/// How the poses of recorded scans are estimated.
+pub(crate) const SCAN_MATCHING: ParamSpec = param(
+    "PoseEstimator",
+    Kind::Choice(&["none", "ICP"]),
+    "none",
+    "How poses are estimated; none: they are the recorded ones; ICP: from the scans alone, which are matched; the first is the recorded one.",
+);
+
 /// Whether a recorded sensor's poses are estimated by matching its scans.
 pub(crate) fn matches_scans(params: &Params) -> bool {
     params.text("PoseEstimator") == "ICP"
 }
+
+/// How the poses of recorded pairs are estimated.
+pub(crate) const PAIR_TRACKING: ParamSpec = param(
+    "PoseEstimator",
+    Kind::Choice(&["none", "VisualOdometry"]),
+    "none",
+    "How poses are estimated; none: they are the recorded ones; VisualOdometry: from the images alone; the first is the recorded one.",
+);
+
+/// When visual odometry gives up.
+pub(crate) const PATIENCE: ParamSpec = param(
+    "Patience",
+    Kind::Integer { min: 1, max: 1_000_000_000 },
+    "20",
+    "After so many lost frames in a row VisualOdometry gives up what was seen before them, and the run ends.",
+);
 
 /// How many frames are played; none: all.
 pub(crate) fn frames(params: &Params) -> Option<u64> {

@@ -39,6 +39,9 @@ pub struct Playback {
     /// How far scans lie off the recorded positions, root mean square (m); none: poses are not estimated, or not recorded.
     #[describe(unit = "m")]
     pub off_m: Option<f64>,
+    /// Why it ended before its last frame; empty: it did not.
+    #[describe(check = checks::text)]
+    pub cut: String,
 }
 
 /// Sensor that estimates its poses to anyone, for each frame, before the scan that comes of it, if one does.
@@ -63,7 +66,7 @@ pub struct PoseEstimate {
     /// pose, it is the first, which was given, or there are directions of which the scan says nothing.
     #[describe(longest = 36, check = covariance)]
     pub covariance: Vec<f64>,
-    /// The share of the scan that is on surfaces seen before (0 to 1).
+    /// The share of what it could see again that it did: of the scan, that is on surfaces seen before, or of corners of images (0 to 1).
     #[describe(range = 0.0..=1.0)]
     pub overlap: f64,
     /// Why there is no pose; empty: there is one.

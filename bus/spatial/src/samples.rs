@@ -98,7 +98,7 @@ pub const SAMPLES: &[Sample] = &[
     ),
     Sample::of::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
     Sample::of::<Playback>(
-        r#"{"command":1,"frames":3,"scans":1,"bad":1,"lost":1,"path_length_m":2.5,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"next_secs":0.1,"off_m":0.01}"#,
+        r#"{"command":1,"frames":3,"scans":1,"bad":1,"lost":1,"path_length_m":2.5,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"next_secs":0.1,"off_m":0.01,"cut":""}"#,
     ),
     Sample::of::<PoseEstimate>(
         r#"{"scan":1,"frame":"frame-000002.depth.png","secs":0.1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"recorded":null,"covariance":[0.0001,0.0,0.0,0.0,0.0001,0.0,0.0,0.0,0.0001],"overlap":0.9,"lost":""}"#,

@@ -175,15 +175,18 @@ fn played_through(
     ended: Option<&LaunchError>,
 ) -> (bool, String) {
     let Playback { frames, scans, bad, lost, .. } = *played;
+    let cut = Some(&played.cut).filter(|cut| !cut.is_empty());
     let counted = [(bad, "could not be used"), (lost, "with the sensor lost")];
-    let mut reason = format!("the recording is played to its end, {scans} scans of {frames} frames");
+    let how = if cut.is_some() { "cut short" } else { "played to its end" };
+    let mut reason = format!("the recording is {how}, {scans} scans of {frames} frames");
     for (count, what) in counted.into_iter().filter(|(count, _)| *count > 0) {
         reason += &format!(", {count} {what}");
     }
     if bad + lost > 0 {
         reason += ", as the Sensor's log says of each";
     }
-    let against = ended.map(LaunchError::to_string).or_else(|| objection(mission, observed, true));
+    let against = ended.map(LaunchError::to_string).or_else(|| cut.cloned());
+    let against = against.or_else(|| objection(mission, observed, true));
     match against {
         Some(against) => (false, format!("{reason}, but {against}")),
         None if scans == 0 => (false, format!("{reason}: none could be used")),

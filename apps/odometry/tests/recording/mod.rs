@@ -6,22 +6,13 @@ mod picture;
 use std::path::Path;
 
 use elk_stereo::{Image, Rectification, StereoCalibration, calibration};
-use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
 
 /// Pairs as the cameras took them, and where they were taken: the rectified left camera's frame → that of the motion capture.
 pub struct Recording {
     pub calibration: StereoCalibration,
     pub pairs: Vec<[Image; 2]>,
     pub truth: Vec<Isometry3<f64>>,
-}
-
-/// The camera's pose in the body's frame, `T_BS` of a calibration.
-fn body_from_camera(text: &str) -> Isometry3<f64> {
-    let list = text.split_once("data:").unwrap().1.split(['[', ']']).nth(1).unwrap();
-    let matrix = Matrix4::from_row_iterator(list.split(',').map(|number| number.trim().parse::<f64>().unwrap()));
-    let rotation: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
-    let position = matrix.fixed_view::<3, 1>(0, 3).into_owned();
-    Isometry3::from_parts(position.into(), UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation)))
 }
 
 /// Seconds and poses of the body, a line each.
@@ -41,7 +32,7 @@ pub fn read(folder: &Path) -> Recording {
     let [left, right] = ["cam0.yaml", "cam1.yaml"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap());
     let calibration = calibration::euroc(&left, &right).unwrap();
     let turn = Rectification::new(&calibration).unwrap().left_from_rectified();
-    let body_from_rectified = body_from_camera(&left) * turn;
+    let body_from_rectified = calibration::euroc_body_from_camera(&left).unwrap() * turn;
     let files = std::fs::read_dir(folder.join("cam0")).unwrap();
     let mut names: Vec<String> = files.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();

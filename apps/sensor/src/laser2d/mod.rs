@@ -8,8 +8,9 @@ use elk_bus::AppError;
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 
 use crate::app::recorded;
-use crate::parameters::{RECORDED, frames, matches_scans, param};
-use crate::recording::{IcpSettings, Player, PoseEstimator};
+use crate::parameters::{RECORDED, SCAN_MATCHING, frames, matches_scans, param};
+use crate::pose_estimator::{IcpSettings, LevelMatching, PoseEstimator, Recorded};
+use crate::recording::Player;
 
 const PARAMS: &[ParamSpec] = &[
     ParamSpec {
@@ -36,6 +37,7 @@ const PARAMS: &[ParamSpec] = &[
         "0.1",
         "Edge of the voxels by which ICP puts points together.",
     ),
+    SCAN_MATCHING,
 ];
 
 /// Its row in the table of sensors.
@@ -55,9 +57,9 @@ fn player(params: &Params) -> Result<Player, AppError> {
         frame_rate: params.number("FrameRate"),
     };
     let icp = IcpSettings { voxel: params.number("IcpVoxel"), step: 0.3, turn: 0.3, window: 30 };
-    let estimator = match matches_scans(params) {
-        true => PoseEstimator::plane(&icp, settings.height)?,
-        false => PoseEstimator::Recorded,
+    let estimator: Box<dyn PoseEstimator> = match matches_scans(params) {
+        true => Box::new(LevelMatching::new(&icp, settings.height)?),
+        false => Box::new(Recorded),
     };
     let log = Laser2d::open(params.text("Recording").as_ref(), settings)?;
     Ok(Player::new(Box::new(log), estimator, frames(params)))

@@ -11,7 +11,9 @@ use elk_spatial::CameraInfo;
 use flate2::read::MultiGzDecoder;
 use nalgebra::Point3;
 
-use crate::recording::{BadFrame, Frame, Recording, in_space};
+use crate::frame::{BadFrame, Frame};
+use crate::pose_estimator::in_space;
+use crate::recording::Recording;
 
 /// So many lines that cannot be used, and no scan before them, are no log.
 const HOPELESS: usize = 1000;
@@ -117,6 +119,7 @@ impl Laser2d {
             secs: self.secs(scan),
             pose: Ok(in_space(&scan.pose, self.settings.height)),
             odometry: Some(scan.odometry),
+            pair: None,
             points,
             no_return,
         }

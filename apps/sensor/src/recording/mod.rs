@@ -1,16 +1,18 @@
 //! A sensor that was recorded. Nobody sends it anywhere: each pose command takes the next frame of which there is a scan.
 //!
 //! A [`Recording`] has its frames one by one; [`Player`] says where each was taken, as recorded or as estimated
-//! ([`PoseEstimator`]), passes over those that cannot be used, and counts. It is the same from the beginning every time: a sensor
+//! ([`PoseEstimator`](crate::pose_estimator::PoseEstimator)), passes over those that cannot be used, and counts. It is the same from the beginning every time: a sensor
 //! that takes the place of another goes through the frames that the other one has had, and stands where that one stood.
 
-mod estimator;
-mod frame;
+mod folder;
+mod frames;
 mod player;
+mod pose;
 
-pub(crate) use estimator::in_space;
-pub use estimator::{IcpSettings, PoseEstimator};
-pub use frame::{BadFrame, Frame, Recording};
+pub use folder::FolderError;
+pub(crate) use folder::{MOST_FRAMES, Timed, entries, lines, single};
+pub use frames::Recording;
 #[cfg(test)]
 pub(crate) use player::tests::player as mostly;
 pub use player::{Advance, Player};
+pub(crate) use pose::{of_line, of_matrix, of_row_euroc, of_rows};

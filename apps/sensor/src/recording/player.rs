@@ -6,8 +6,9 @@ use elk_spatial::CameraInfo;
 use elk_spatial::playback::{Playback, PoseEstimate};
 use nalgebra::Isometry3;
 
-use super::estimator::{Located, PoseEstimator};
-use super::frame::{BadFrame, Frame, Recording};
+use super::frames::Recording;
+use crate::frame::{BadFrame, Frame};
+use crate::pose_estimator::{Located, PoseEstimator};
 use crate::source::Seen;
 
 /// Frames that are taken at a time while none of them becomes a scan: what is said of them, and how long nobody else is
@@ -17,7 +18,7 @@ const MOST_AT_A_TIME: usize = 256;
 /// A recording on its way.
 pub struct Player {
     recording: Box<dyn Recording>,
-    estimator: PoseEstimator,
+    estimator: Box<dyn PoseEstimator>,
     /// Frames that may still come; none: all that there are.
     left: Option<u64>,
     start: Pose,
@@ -28,6 +29,8 @@ pub struct Player {
     bad: u64,
     lost: u64,
     path_length_m: f64,
+    /// Why it ends before its last frame; empty: it does not.
+    cut: String,
     /// Squares of the distances from recorded positions (m²), their sum, and how many there are.
     off: (f64, u64),
 }
@@ -43,12 +46,25 @@ pub struct Advance {
 
 impl Player {
     /// At the recording's beginning; `frames`: only so many are played.
-    pub fn new(recording: Box<dyn Recording>, estimator: PoseEstimator, frames: Option<u64>) -> Self {
+    pub fn new(recording: Box<dyn Recording>, estimator: Box<dyn PoseEstimator>, frames: Option<u64>) -> Self {
         let start = Some(recording.start()).filter(|pose| pose.check().is_ok());
         let start = start.unwrap_or(Pose(Isometry3::identity()));
         let (last, off) = (None, (0.0, 0));
         let (frames, left) = (0, frames);
-        Self { recording, estimator, left, start, last, frames, scans: 0, bad: 0, lost: 0, path_length_m: 0.0, off }
+        Self {
+            recording,
+            estimator,
+            left,
+            start,
+            last,
+            frames,
+            scans: 0,
+            bad: 0,
+            lost: 0,
+            path_length_m: 0.0,
+            cut: String::new(),
+            off,
+        }
     }
 
     /// What the recording's sensor can see.
@@ -101,7 +117,7 @@ impl Player {
     }
 
     fn next_secs(&self) -> Option<f64> {
-        self.recording.next_secs().filter(|_| self.left != Some(0))
+        self.recording.next_secs().filter(|_| self.left != Some(0) && self.cut.is_empty())
     }
 
     /// How far it is, after this command.
@@ -117,6 +133,7 @@ impl Player {
             path_length_m,
             pose: self.pose(),
             next_secs: self.next_secs(),
+            cut: self.cut.clone(),
             off_m: (compared > 0).then(|| (squares / compared as f64).sqrt()),
         }
     }
@@ -151,6 +168,13 @@ impl Player {
                 estimates.push(PoseEstimate { lost: why.clone(), ..estimate });
                 Err(BadFrame { frame: frame.name, why: format!("lost: {why}") })
             }
+            Located::Apart(why) => {
+                // A map that went on would be of two places at once.
+                self.lost += 1;
+                self.cut = format!("{}: {why}", frame.name);
+                estimates.push(PoseEstimate { lost: why.clone(), ..estimate });
+                Err(BadFrame { frame: frame.name, why: format!("lost for good: {why}; the recording ends here") })
+            }
             Located::Bad(why) => {
                 self.bad += 1;
                 Err(BadFrame { frame: frame.name, why })
@@ -176,7 +200,7 @@ impl Player {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::recording::PoseEstimator;
+    use crate::pose_estimator::Recorded;
 
     /// Frames that are none, with a scan behind each so many.
     struct Mostly {
@@ -203,6 +227,7 @@ pub(crate) mod tests {
                     secs: 0.0,
                     pose: Ok(Pose(Isometry3::identity())),
                     odometry: None,
+                    pair: None,
                     points: Vec::new(),
                     no_return: Vec::new(),
                 }),
@@ -218,7 +243,7 @@ pub(crate) mod tests {
     /// A player of a recording of `left` frames, of which so many are bad before each that is none, and that says it begins at x.
     pub(crate) fn player(bad: usize, left: usize, x: f64) -> Player {
         let start = Pose(Isometry3::translation(x, 0.0, 0.0));
-        Player::new(Box::new(Mostly { bad, left, start }), PoseEstimator::Recorded, None)
+        Player::new(Box::new(Mostly { bad, left, start }), Box::new(Recorded), None)
     }
 
     /// Regression: half a megabyte of a log had a sensor gather millions of bad lines before it said the first.

@@ -6,60 +6,12 @@ use std::path::{Path, PathBuf};
 use elk_geometry::Pose;
 use elk_outside::file;
 
-use super::pose::{of_line, of_matrix};
+use crate::recording::{FolderError, MOST_FRAMES, Timed, entries, lines, of_line, of_matrix};
 
-/// The longest list of a folder that is read (bytes).
-const LONGEST_LIST: u64 = 1 << 27;
-/// The most frames of a recording (two hours at 30 a second), and the most poses that a list has for them.
-const MOST_FRAMES: usize = 1 << 18;
-const MOST_POSES: usize = 1 << 20;
 /// The longest file of one pose that is read (bytes).
 const LONGEST_POSE: u64 = 1 << 14;
-/// An image's pose is the nearest in time, up to so far away (s), as the TUM benchmark's own tools have it.
-const APART_SECS: f64 = 0.02;
-
 const DEPTH: &str = ".depth.png";
 const POSE: &str = ".pose.txt";
-
-/// Why a folder is no recording.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// It is not there.
-    #[error(
-        "there is no folder {} ({why}): where the recorded data lie elsewhere, ELK_DATA or Sensor.Recording has to name it; \
-         {RIGHT}", .folder.display()
-    )]
-    Missing {
-        /// The folder.
-        folder: PathBuf,
-        /// What the operating system says.
-        why: std::io::Error,
-    },
-    /// There are no frames in it.
-    #[error("{}: there is neither a depth.txt nor a frame-….depth.png in it; {RIGHT}", .0.display())]
-    Empty(PathBuf),
-    /// A list in it cannot be read.
-    #[error("{}: {why}; {RIGHT}", .list.display())]
-    List {
-        /// The list.
-        list: PathBuf,
-        /// Why not.
-        why: String,
-    },
-    /// There are too many frames in it.
-    #[error("{}: there are more than {MOST_FRAMES} frames in it; right is a part of it", .0.display())]
-    Long(PathBuf),
-    /// None of its images can be used.
-    #[error("none of the {frames} depth images in {} can be used; {first}", .folder.display())]
-    Unusable {
-        /// The folder.
-        folder: PathBuf,
-        /// Images that were tried.
-        frames: usize,
-        /// What is wrong with the first.
-        first: String,
-    },
-}
 
 const RIGHT: &str = "right is a folder of frame-000000.depth.png with frame-000000.pose.txt (7-Scenes), or of depth.txt with groundtruth.txt (TUM)";
 
@@ -96,18 +48,19 @@ impl Listed {
 }
 
 /// The frames of a folder, in their order.
-pub(super) fn frames(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
-    let missing = |why| RecordingError::Missing { folder: folder.to_owned(), why };
-    let entries = std::fs::read_dir(folder).map_err(missing)?;
-    let names: BTreeSet<String> = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
+pub(super) fn frames(folder: &Path) -> Result<Vec<Listed>, FolderError> {
+    let names = entries(folder, RIGHT)?;
     let frames = match names.contains("depth.txt") {
         true => timed(folder)?,
         false => numbered(folder, &names),
     };
     match frames.iter().any(|frame| frame.depths.is_ok()) {
-        true if frames.len() > MOST_FRAMES => Err(RecordingError::Long(folder.to_owned())),
         true => Ok(frames),
-        false => Err(RecordingError::Empty(folder.to_owned())),
+        false => Err(FolderError::Empty {
+            folder: folder.to_owned(),
+            what: "neither a depth.txt nor a frame-….depth.png",
+            right: RIGHT,
+        }),
     }
 }
 
@@ -133,13 +86,8 @@ fn numbered(folder: &Path, names: &BTreeSet<String>) -> Vec<Listed> {
 }
 
 /// As TUM's benchmark has them: lists of images and of poses, with their times.
-fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
-    let poses: Vec<(f64, Pose)> = match folder.join("groundtruth.txt") {
-        list if list.exists() => lines(&list, MOST_POSES, of_line)?,
-        _ => Vec::new(),
-    };
-    let mut poses = poses;
-    poses.sort_by(|one, other| one.0.total_cmp(&other.0));
+fn timed(folder: &Path) -> Result<Vec<Listed>, FolderError> {
+    let poses = Timed::read(&folder.join("groundtruth.txt"), of_line)?;
     let image = |line: &str| {
         let (time, name) = line.split_once(char::is_whitespace).ok_or("a time and a file would be right")?;
         let secs: f64 =
@@ -153,36 +101,14 @@ fn timed(folder: &Path) -> Result<Vec<Listed>, RecordingError> {
     let mut listed = |(secs, name): (f64, PathBuf)| {
         let backwards = (secs < last).then(|| format!("a time of {secs} s after one of {last} s: times go forwards"));
         last = last.max(secs);
-        let near = nearest(&poses, secs);
-        let none = || format!("groundtruth.txt has no pose within {APART_SECS} s of {secs} s");
         Listed {
             name: name.display().to_string(),
             depths: backwards.map_or_else(|| Ok(folder.join(&name)), Err),
             secs: Some(secs),
-            pose: Posed::Known(near.ok_or_else(none)),
+            pose: Posed::Known(poses.at(secs)),
         }
     };
     Ok(lines(&folder.join("depth.txt"), MOST_FRAMES, image)?.into_iter().map(&mut listed).collect())
-}
-
-fn nearest(poses: &[(f64, Pose)], secs: f64) -> Option<Pose> {
-    let after = poses.partition_point(|(time, _)| *time < secs);
-    let beside = poses[after.saturating_sub(1)..].iter().take(2);
-    let apart = |(time, _): &&(f64, Pose)| (time - secs).abs();
-    let near = beside.min_by(|one, other| apart(one).total_cmp(&apart(other)))?;
-    (apart(&near) <= APART_SECS).then_some(near.1)
-}
-
-/// The lines of a list that are no comments, at most so many.
-fn lines<T>(list: &Path, most: usize, read: impl Fn(&str) -> Result<T, String>) -> Result<Vec<T>, RecordingError> {
-    let wrong = |why: String| RecordingError::List { list: list.to_owned(), why };
-    let text = file::read_text(list, LONGEST_LIST).map_err(|error| wrong(error.to_string()))?;
-    let lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    let read = |(nth, (i, line)): (usize, (usize, &str))| match nth < most {
-        true => read(line).map_err(|why| wrong(format!("line {}: {why}", i + 1))),
-        false => Err(wrong(format!("there are more than {most} lines in it"))),
-    };
-    lines.enumerate().map(read).collect()
 }
 
 #[cfg(test)]
@@ -255,7 +181,7 @@ mod tests {
         let said = |lists: &[(&str, &str)]| frames(folder(lists).path()).unwrap_err().to_string();
         let images = "1 a.png\n".repeat(MOST_FRAMES + 1);
         assert!(said(&[("depth.txt", &images)]).contains("depth.txt: there are more than 262144 lines in it"));
-        let poses = "1 0 0 0 0 0 0 1\n".repeat(MOST_POSES + 1);
+        let poses = "1 0 0 0 0 0 0 1\n".repeat(4 * MOST_FRAMES + 1);
         let lists = [("depth.txt", "1 a.png\n"), ("groundtruth.txt", &poses)];
         assert!(said(&lists).contains("groundtruth.txt: there are more than 1048576 lines in it"));
         let most = folder(&[("depth.txt", &images[8..])]);

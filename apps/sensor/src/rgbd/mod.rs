@@ -6,11 +6,9 @@
 
 mod depth_image;
 mod layout;
-mod pose;
 mod source;
 
 pub use depth_image::DepthImageError;
-pub use layout::RecordingError;
 pub use source::{Rgbd, Settings};
 
 use elk_bus::AppError;
@@ -18,8 +16,9 @@ use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use elk_registration::DepthCamera;
 
 use crate::app::recorded;
-use crate::parameters::{RECORDED, frames, matches_scans, param};
-use crate::recording::{IcpSettings, Player, PoseEstimator};
+use crate::parameters::{RECORDED, SCAN_MATCHING, frames, matches_scans, param};
+use crate::pose_estimator::{IcpSettings, PoseEstimator, Recorded, ScanMatching};
+use crate::recording::Player;
 
 const PIXELS: Kind = Kind::Number { unit: "px", min: 0.0, max: 100_000.0 };
 const FOCAL: Kind = Kind::Number { unit: "px", min: 1.0, max: 100_000.0 };
@@ -60,6 +59,7 @@ const PARAMS: &[ParamSpec] = &[
         "0.05",
         "Edge of the voxels by which ICP puts points together.",
     ),
+    SCAN_MATCHING,
 ];
 
 /// Its row in the table of sensors.
@@ -85,14 +85,10 @@ fn player(params: &Params) -> Result<Player, AppError> {
         stride: params.integer("Stride") as usize,
         frame_rate: params.number("FrameRate"),
     };
-    let estimator = match matches_scans(params) {
-        true => PoseEstimator::space(&IcpSettings {
-            voxel: params.number("IcpVoxel"),
-            step: 0.05,
-            turn: 0.05,
-            window: 100,
-        })?,
-        false => PoseEstimator::Recorded,
+    let icp = IcpSettings { voxel: params.number("IcpVoxel"), step: 0.05, turn: 0.05, window: 100 };
+    let estimator: Box<dyn PoseEstimator> = match matches_scans(params) {
+        true => Box::new(ScanMatching::new(&icp)?),
+        false => Box::new(Recorded),
     };
     let recording = Rgbd::open(params.text("Recording").as_ref(), settings)?;
     Ok(Player::new(Box::new(recording), estimator, frames(params)))

@@ -9,8 +9,9 @@ use elk_spatial::CameraInfo;
 use nalgebra::Isometry3;
 
 use super::depth_image::{DepthImage, depth_image};
-use super::layout::{Listed, RecordingError, frames};
-use crate::recording::{BadFrame, Frame, Recording};
+use super::layout::{Listed, frames};
+use crate::frame::{BadFrame, Frame};
+use crate::recording::{FolderError, Recording};
 
 /// The longest file of depths that is read (bytes).
 const LONGEST_IMAGE: u64 = 1 << 26;
@@ -42,7 +43,7 @@ impl Rgbd {
     ///
     /// # Errors
     /// There is none, or none of its images is one.
-    pub fn open(folder: &Path, settings: Settings) -> Result<Self, RecordingError> {
+    pub fn open(folder: &Path, settings: Settings) -> Result<Self, FolderError> {
         let frames = frames(folder)?;
         let mut first = None;
         for frame in &frames {
@@ -57,7 +58,7 @@ impl Rgbd {
             }
         }
         let (frames, first) = (frames.len(), first.unwrap_or_default());
-        Err(RecordingError::Unusable { folder: folder.to_owned(), frames, first })
+        Err(FolderError::Unusable { folder: folder.to_owned(), images: "depth images", frames, first })
     }
 
     fn frame(&self, frame: &Listed, secs: f64) -> Result<Frame, String> {
@@ -70,7 +71,15 @@ impl Rgbd {
         }
         let Settings { camera, stride, .. } = self.settings;
         let points = camera.points(&image.depths, width, stride).map_err(|error| error.to_string())?;
-        Ok(Frame { name: frame.name.clone(), secs, pose: frame.pose(), odometry: None, points, no_return: Vec::new() })
+        Ok(Frame {
+            name: frame.name.clone(),
+            secs,
+            pose: frame.pose(),
+            odometry: None,
+            pair: None,
+            points,
+            no_return: Vec::new(),
+        })
     }
 
     fn secs(&self, i: usize) -> Option<f64> {

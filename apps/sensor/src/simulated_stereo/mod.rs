@@ -10,7 +10,7 @@ mod source;
 mod texture;
 
 pub use eyes::Eyes;
-pub use source::{Settings, SimulatedStereo, seen};
+pub use source::{Settings, SimulatedStereo};
 pub use texture::{Look, Texture};
 
 use elk_mission::{AppType, ParamSpec, joined};

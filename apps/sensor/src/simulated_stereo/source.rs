@@ -3,12 +3,12 @@
 use elk_bus::AppError;
 use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
-use elk_stereo::{Disparity, Image, ImageError, MatchError, Matcher, Rig, RigError};
-use nalgebra::Point3;
+use elk_stereo::{Image, ImageError, MatchError, Matcher, Rig, RigError};
 
 use super::eyes::Eyes;
 use super::texture::{Look, Texture};
 use crate::source::{Capture, DepthSource, Seen, Truth};
+use crate::stereo_pair::seen;
 use crate::surroundings::Body;
 
 /// What a simulated stereo camera is, beside its matcher.
@@ -59,23 +59,9 @@ impl SimulatedStereo {
     /// Images that are no pair of its cameras.
     pub fn matched(&mut self, [left, right]: &[Image; 2]) -> Result<Seen, MatchError> {
         let disparity = self.matcher.disparity(left, right)?;
-        Ok(seen(&self.rig, &disparity, self.settings.range))
+        let (points, no_return) = seen(&self.rig, &disparity, self.settings.range);
+        Ok(Seen { points: points.into_iter().collect(), no_return: no_return.into_iter().collect() })
     }
-}
-
-/// A scan of disparities, in the frame of the left camera: a point for each pixel that was matched, and, of a pixel that was
-/// matched farther away than `range` (m), the direction in which there is nothing up to there. Of a pixel that was not matched
-/// nothing is known, whatever the reason: it is in neither list, and frees nothing.
-pub fn seen(rig: &Rig, disparity: &Disparity, range: Option<f64>) -> Seen {
-    let range = range.unwrap_or(f64::INFINITY);
-    let (mut points, mut no_return) = (Vec::new(), Vec::new());
-    for (_, _, point) in rig.cloud(disparity) {
-        match point.coords.norm() <= range {
-            true => points.push(point.cast()),
-            false => no_return.push(Point3::from(point.coords.normalize()).cast()),
-        }
-    }
-    Seen { points: points.into_iter().collect(), no_return: no_return.into_iter().collect() }
 }
 
 impl DepthSource for SimulatedStereo {

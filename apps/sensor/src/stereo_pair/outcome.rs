@@ -16,13 +16,19 @@ const GAP: usize = 4;
 pub struct Outcome {
     rig: Rig,
     left_from_rectified: UnitQuaternion<f64>,
-    left: Image,
+    /// The left and the right image, rectified.
+    images: [Image; 2],
     disparity: Disparity,
 }
 
 impl Outcome {
-    pub(super) fn new(rectification: &Rectification, left: Image, disparity: Disparity) -> Self {
-        Self { rig: *rectification.rig(), left_from_rectified: rectification.left_from_rectified(), left, disparity }
+    pub(super) fn new(rectification: &Rectification, images: [Image; 2], disparity: Disparity) -> Self {
+        Self { rig: *rectification.rig(), left_from_rectified: rectification.left_from_rectified(), images, disparity }
+    }
+
+    /// The left and the right image, rectified.
+    pub fn into_images(self) -> [Image; 2] {
+        self.images
     }
 
     /// The disparities of the rectified left image.
@@ -38,7 +44,7 @@ impl Outcome {
         let matched = format!(
             "{} of {} pixels matched ({:.1} %); {reasons}",
             depths.len(),
-            self.left.pixels().len(),
+            self.images[0].pixels().len(),
             self.disparity.density() * 100.0
         );
         match depths[..] {
@@ -58,7 +64,7 @@ impl Outcome {
         // Disparities are below 256, so that all fit.
         let part = |said: Result<f32, Unmatched>| said.map_or(0, |disparity| (disparity * PARTS).round() as u16);
         let bytes: Vec<u8> = self.disparity.iter().flat_map(|said| part(said).to_be_bytes()).collect();
-        encoded([self.left.width(), self.left.height()], ColorType::Grayscale, BitDepth::Sixteen, &bytes)
+        encoded([self.images[0].width(), self.images[0].height()], ColorType::Grayscale, BitDepth::Sixteen, &bytes)
     }
 
     /// A picture as a PNG: the rectified left image, and beside it the disparities, red near and blue far. What was not matched is
@@ -67,11 +73,11 @@ impl Outcome {
     /// # Errors
     /// It cannot be encoded.
     pub fn picture_png(&self) -> Result<Vec<u8>, EncodingError> {
-        let (width, height) = (self.left.width(), self.left.height());
+        let (width, height) = (self.images[0].width(), self.images[0].height());
         let nearest = self.disparity.iter().flatten().fold(1.0, f32::max);
         let mut bytes = Vec::with_capacity(3 * (2 * width + GAP) * height);
         for row in 0..height {
-            bytes.extend(self.left.row(row).iter().flat_map(|&grey| [grey; 3]));
+            bytes.extend(self.images[0].row(row).iter().flat_map(|&grey| [grey; 3]));
             bytes.extend([255; 3 * GAP]);
             bytes.extend((0..width).flat_map(|column| match self.disparity.get(row, column) {
                 Ok(disparity) => colour(disparity / nearest),
@@ -99,7 +105,7 @@ impl Outcome {
             let point = self.left_from_rectified * point;
             let numbers = [point.x, point.y, point.z, deviation];
             bytes.extend(numbers.into_iter().flat_map(|number| (number as f32).to_le_bytes()));
-            bytes.extend([self.left.row(row)[column]; 3]);
+            bytes.extend([self.images[0].row(row)[column]; 3]);
         }
         bytes
     }

@@ -63,16 +63,36 @@ pub enum PairError {
     },
 }
 
+/// How the pairs of two cameras are rectified.
+#[derive(Debug, Clone)]
+pub struct Rectified {
+    /// How.
+    pub rectification: Rectification,
+    /// What the cameras' calibration is called.
+    pub calibration_name: String,
+}
+
+impl Rectified {
+    /// By a calibration of this name.
+    ///
+    /// # Errors
+    /// It is of no stereo camera.
+    pub fn new(calibration: &StereoCalibration, calibration_name: String) -> Result<Self, PairError> {
+        match Rectification::new(calibration) {
+            Ok(rectification) => Ok(Self { rectification, calibration_name }),
+            Err(source) => Err(PairError::Rectification { calibration: calibration_name, source }),
+        }
+    }
+}
+
 /// What is asked for, and what all of it is called.
 pub struct Pair<'a> {
     /// The left and the right image.
     pub images: [Image; 2],
     /// What they are called.
     pub names: [String; 2],
-    /// The cameras that took them.
-    pub calibration: &'a StereoCalibration,
-    /// What the calibration is called.
-    pub calibration_name: String,
+    /// How they are rectified.
+    pub rectified: &'a Rectified,
 }
 
 impl Pair<'_> {
@@ -85,12 +105,12 @@ impl Pair<'_> {
         if sizes[0] != sizes[1] {
             return Err(PairError::Sizes { names: self.names.clone(), sizes });
         }
-        let unfit = |source| PairError::Rectification { calibration: self.calibration_name.clone(), source };
-        let rectification = Rectification::new(self.calibration).map_err(unfit)?;
-        let mut seen = |[left, right]: [&Image; 2]| -> Result<(Image, Disparity), PairError> {
-            let [left, right] = rectification.rectify(left, right).map_err(unfit)?;
-            let disparity = matcher.disparity(&left, &right)?;
-            Ok((left, disparity))
+        let Rectified { rectification, calibration_name } = self.rectified;
+        let unfit = |source| PairError::Rectification { calibration: calibration_name.clone(), source };
+        let mut seen = |[left, right]: [&Image; 2]| -> Result<([Image; 2], Disparity), PairError> {
+            let rectified = rectification.rectify(left, right).map_err(unfit)?;
+            let disparity = matcher.disparity(&rectified[0], &rectified[1])?;
+            Ok((rectified, disparity))
         };
         let [left, right] = &self.images;
         let (rectified, disparity) = seen([left, right])?;
@@ -105,6 +125,6 @@ impl Pair<'_> {
             let (names, reasons) = (self.names.clone(), Reasons::of(&disparity));
             return Err(PairError::Nothing { names, share, reasons });
         }
-        Ok(Outcome::new(&rectification, rectified, disparity))
+        Ok(Outcome::new(rectification, rectified, disparity))
     }
 }

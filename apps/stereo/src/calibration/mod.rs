@@ -47,6 +47,15 @@ pub fn euroc(left: &str, right: &str) -> Result<StereoCalibration, CalibrationEr
     Ok(StereoCalibration { left, right, right_from_left: body_from_right.inverse() * body_from_left })
 }
 
+/// Where a camera is on the body that carries it: `T_BS` of EuRoC's file of a camera, which takes points (m) from its frame to the body's, in
+/// which recorded poses are.
+///
+/// # Errors
+/// As [`euroc`].
+pub fn euroc_body_from_camera(text: &str) -> Result<Isometry3<f64>, CalibrationError> {
+    Ok(euroc_camera(text)?.1)
+}
+
 fn euroc_camera(text: &str) -> Result<(Camera, Isometry3<f64>), CalibrationError> {
     let document = Document::read(text)?;
     let entries = Entries(&document);

@@ -1,15 +1,14 @@
-//! Where a frame was taken.
+//! Scan matching: where a scan lies on those before it (thesis 2.2.2).
 
 use elk_geometry::Pose;
 use elk_registration::{IcpConfig, Resolution, Tracked, Tracker, TrackerConfig, TrackerError, pose::Pose as Rigid};
 use nalgebra::{Isometry2, Isometry3, Point2, Point3, Vector2};
 
-use super::frame::Frame;
+use super::estimate::{AGREED, Located, PoseEstimator};
+use crate::frame::Frame;
 
 /// So many lost frames in a row are never: a map that begins anew is somewhere that nobody knows.
 const NEVER: u64 = 1_000_000_000;
-/// The first pose is where it is said to be, and sees nothing that was seen before.
-const AGREED: f64 = 1.0;
 
 /// How scans are matched (see [`TrackerConfig`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,79 +23,62 @@ pub struct IcpSettings {
     pub window: u64,
 }
 
-/// Says where frames were taken.
-pub enum PoseEstimator {
-    /// Where the recording says.
-    Recorded,
-    /// Where a scan lies on those before it, in space. The first is where the recording says, or at the origin.
-    Space(Matching<Isometry3<f64>, 3, 6>),
-    /// The same in the plane, of a sensor that stays level, at this height (m); beginning from the motion that wheels say.
-    Plane(Matching<Isometry2<f64>, 2, 3>, f64),
-}
+/// Where a scan lies on those before it, in space. The first is where the recording says, or at the origin.
+pub struct ScanMatching(Matching<Isometry3<f64>, 3, 6>);
 
-/// What is known of where a frame was taken.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Located {
-    /// There (world), with the covariance, row by row, where it is known, and the share of the scan that is on what was seen before.
-    At(Pose, Vec<f64>, f64),
-    /// Nobody knows.
-    Lost(String),
-    /// The frame cannot be used for that.
-    Bad(String),
-}
-
-/// A tracker that begins with the first frame.
-pub struct Matching<P, const D: usize, const N: usize> {
-    config: TrackerConfig,
-    tracker: Option<Tracker<P, D, N>>,
+/// The same in the plane, of a sensor that stays level; beginning from the motion that wheels say.
+pub struct LevelMatching {
+    matching: Matching<Isometry2<f64>, 2, 3>,
+    /// Where the sensor's plane is (m, world z).
+    height: f64,
     /// The odometry of the last frame that the tracker has had.
     odometry: Option<Isometry2<f64>>,
 }
 
-impl PoseEstimator {
-    /// Scan matching in space.
+/// A tracker that begins with the first frame.
+struct Matching<P, const D: usize, const N: usize> {
+    config: TrackerConfig,
+    tracker: Option<Tracker<P, D, N>>,
+}
+
+impl ScanMatching {
+    /// Of no scan yet.
     ///
     /// # Errors
     /// Settings out of range.
-    pub fn space(settings: &IcpSettings) -> Result<Self, TrackerError> {
-        Ok(Self::Space(Matching::new(settings)?))
+    pub fn new(settings: &IcpSettings) -> Result<Self, TrackerError> {
+        Ok(Self(Matching::new(settings)?))
     }
+}
 
-    /// Scan matching in the plane, of a sensor at this height (m).
+impl PoseEstimator for ScanMatching {
+    fn locate(&mut self, frame: &Frame) -> Located {
+        let start = frame.pose.as_ref().map_or(Isometry3::identity(), |pose| pose.0);
+        self.0.locate(&frame.points, start, None, Pose)
+    }
+}
+
+impl LevelMatching {
+    /// Of no scan yet, of a sensor at this height (m, world z).
     ///
     /// # Errors
     /// Settings out of range.
-    pub fn plane(settings: &IcpSettings, height: f64) -> Result<Self, TrackerError> {
-        Ok(Self::Plane(Matching::new(settings)?, height))
+    pub fn new(settings: &IcpSettings, height: f64) -> Result<Self, TrackerError> {
+        Ok(Self { matching: Matching::new(settings)?, height, odometry: None })
     }
+}
 
-    /// Whether what it says is its own, and not the recording's word.
-    pub fn estimates(&self) -> bool {
-        !matches!(self, Self::Recorded)
-    }
-
-    /// Where the next frame was taken.
-    pub(super) fn locate(&mut self, frame: &Frame) -> Located {
-        match self {
-            Self::Recorded => match &frame.pose {
-                Ok(pose) => Located::At(*pose, Vec::new(), AGREED),
-                Err(why) => Located::Bad(why.clone()),
-            },
-            Self::Space(matching) => {
-                let start = frame.pose.as_ref().map_or(Isometry3::identity(), |pose| pose.0);
-                matching.locate(&frame.points, start, None, Pose)
-            }
-            Self::Plane(matching, height) => {
-                let points: Vec<_> = frame.points.iter().map(level).collect();
-                let start = frame.pose.as_ref().map_or(Isometry2::identity(), in_plane);
-                let motion = matching.odometry.zip(frame.odometry).map(|(last, now)| last.inverse() * now);
-                let located = matching.locate(&points, start, motion, |pose| in_space(&pose, *height));
-                if !matches!(located, Located::Bad(_)) {
-                    matching.odometry = frame.odometry;
-                }
-                located
-            }
+impl PoseEstimator for LevelMatching {
+    fn locate(&mut self, frame: &Frame) -> Located {
+        let points: Vec<_> = frame.points.iter().map(level).collect();
+        let start = frame.pose.as_ref().map_or(Isometry2::identity(), in_plane);
+        let motion = self.odometry.zip(frame.odometry).map(|(last, now)| last.inverse() * now);
+        let height = self.height;
+        let located = self.matching.locate(&points, start, motion, |pose| in_space(&pose, height));
+        if !matches!(located, Located::Bad(_)) {
+            self.odometry = frame.odometry;
         }
+        located
     }
 }
 
@@ -123,7 +105,7 @@ impl<P: Rigid<D, N>, const D: usize, const N: usize> Matching<P, D, N> {
         let config = TrackerConfig { resolution, icp: IcpConfig::default(), step, turn, window, patience: NEVER };
         // What is wrong with settings is said before there is a frame.
         Tracker::new(config.clone(), P::identity())?;
-        Ok(Self { config, tracker: None, odometry: None })
+        Ok(Self { config, tracker: None })
     }
 
     fn locate(

@@ -16,11 +16,29 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// The pose (camera → world) of 16 numbers, row by row.
-pub(super) fn of_matrix(text: &str) -> Result<Pose, String> {
+pub(crate) fn of_matrix(text: &str) -> Result<Pose, String> {
     let numbers = numbers(text)?;
-    if numbers.len() != 16 {
-        return Err(format!("{} numbers: 4 rows of 4 would be right", numbers.len()));
+    match <[f64; 16]>::try_from(numbers) {
+        Ok(numbers) => of_numbers(numbers),
+        Err(numbers) => Err(format!("{} numbers: 4 rows of 4 would be right", numbers.len())),
     }
+}
+
+/// The pose (camera → world) of 12 numbers, the upper 3 rows of 4.
+pub(crate) fn of_rows(text: &str) -> Result<Pose, String> {
+    let numbers = numbers(text)?;
+    match <[f64; 12]>::try_from(numbers) {
+        Ok(rows) => {
+            let mut numbers = [0.0; 16];
+            numbers[..12].copy_from_slice(&rows);
+            numbers[15] = 1.0;
+            of_numbers(numbers)
+        }
+        Err(numbers) => Err(format!("{} numbers: 3 rows of 4 would be right", numbers.len())),
+    }
+}
+
+fn of_numbers(numbers: [f64; 16]) -> Result<Pose, String> {
     let matrix = Matrix4::from_row_iterator(numbers);
     let rotation = matrix.fixed_view::<3, 3>(0, 0).into_owned();
     let off = (rotation.transpose() * rotation - Matrix3::identity()).amax();
@@ -38,17 +56,34 @@ pub(super) fn of_matrix(text: &str) -> Result<Pose, String> {
 }
 
 /// A time (s) and the pose (camera → world) of `tx ty tz qx qy qz qw` behind it.
-pub(super) fn of_line(line: &str) -> Result<(f64, Pose), String> {
+pub(crate) fn of_line(line: &str) -> Result<(f64, Pose), String> {
     let numbers = numbers(line)?;
     let [time, x, y, z, i, j, k, w] = numbers[..] else {
         return Err(format!("{} numbers: a time, a position and a quaternion, 8, would be right", numbers.len()));
     };
+    Ok((time, of_quaternion([x, y, z], [w, i, j, k])?))
+}
+
+/// A time (ns, taken to s) and the pose (body → world) of `px, py, pz, qw, qx, qy, qz` behind it, with commas between; what
+/// comes then (velocity and biases) is left out. So EuRoC has them.
+pub(crate) fn of_row_euroc(line: &str) -> Result<(f64, Pose), String> {
+    let numbers = numbers(&line.replace(',', " "))?;
+    let [time, x, y, z, w, i, j, k, ..] = numbers[..] else {
+        return Err(format!(
+            "{} numbers: a time, a position and a quaternion, 8 or more, would be right",
+            numbers.len()
+        ));
+    };
+    Ok((time * 1e-9, of_quaternion([x, y, z], [w, i, j, k])?))
+}
+
+fn of_quaternion(position: [f64; 3], [w, i, j, k]: [f64; 4]) -> Result<Pose, String> {
     let quaternion = Quaternion::new(w, i, j, k);
     if (quaternion.norm() - 1.0).abs() > ROUNDED {
         return Err(format!("a quaternion of length {:.3}: 1 would be right", quaternion.norm()));
     }
-    let position = Translation3::from(Vector3::new(x, y, z));
-    Ok((time, Pose(Isometry3::from_parts(position, UnitQuaternion::from_quaternion(quaternion)))))
+    let position = Translation3::from(Vector3::from(position));
+    Ok(Pose(Isometry3::from_parts(position, UnitQuaternion::from_quaternion(quaternion))))
 }
 
 #[cfg(test)]

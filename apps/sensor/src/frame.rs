@@ -1,30 +1,10 @@
-//! What was recorded, frame by frame.
+//! What a sensor saw at once.
 
 use elk_geometry::Pose;
-use elk_spatial::CameraInfo;
-use nalgebra::{Isometry2, Isometry3, Point3};
+use elk_stereo::Image;
+use nalgebra::{Isometry2, Point3};
 
-/// What was recorded, frame by frame.
-pub trait Recording: Send {
-    /// What its sensor can see.
-    fn camera(&self) -> CameraInfo;
-
-    /// Recorded time since the recording's beginning of the frame that comes next (s); none: there is no more.
-    fn next_secs(&self) -> Option<f64>;
-
-    /// Takes the next frame, if there is one.
-    ///
-    /// # Errors
-    /// It cannot be used; the one after it perhaps can.
-    fn next(&mut self) -> Option<Result<Frame, BadFrame>>;
-
-    /// Where the sensor was at the beginning (world), if that is recorded.
-    fn start(&self) -> Pose {
-        Pose(Isometry3::identity())
-    }
-}
-
-/// One frame.
+/// What a sensor saw at once, with what else is known of that moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// What people call it: its file, or its line.
@@ -35,6 +15,8 @@ pub struct Frame {
     pub pose: Result<Pose, String>,
     /// Where wheels say that it was taken, in a frame of theirs; none: there are no wheels.
     pub odometry: Option<Isometry2<f64>>,
+    /// The left and the right image of two cameras, rectified; none: it is no frame of such.
+    pub pair: Option<[Image; 2]>,
     /// Points in the camera frame (x right, y down, z forward; m).
     pub points: Vec<Point3<f32>>,
     /// Directions in the camera frame (unit vectors) in which there is nothing up to the sensor's range.
