@@ -39,7 +39,7 @@ impl Registration {
         pattern::matches(&self.key_pattern, key) && pattern::matches(&self.source_pattern, source)
     }
 
-    /// Whether it is of the same variables and writers, as it says it.
+    /// Whether another one is of the same variables of the same sources.
     pub fn same_patterns(&self, other: &Registration) -> bool {
         self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
     }
