@@ -21,9 +21,6 @@ use crate::table::variables;
 const TABLE_EVERY: Duration = Duration::from_secs(1);
 /// The least time between two values of a variable that is watched, two scans, and two drawings of a name.
 const VALUES_EVERY: Duration = Duration::from_millis(100);
-/// The least time between two looks into the mailbox, as between two frames of a page: to be woken by each message would cost
-/// the mission's processors more than the messages do.
-const HEAR_EVERY: Duration = Duration::from_millis(33);
 /// The longest sleep without a look at what pages want.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
@@ -69,9 +66,8 @@ impl<'a> Following<'a> {
         self.client.comms.notify(REQUEST, "")?;
         let mut asked_for_table = Stopwatch::start();
         self.register_wanted(wants)?;
-        let mut heard = Stopwatch::start();
         while !stop.load(Ordering::Relaxed) {
-            let asked = self.shared.asked(HEAR_EVERY.saturating_sub(heard.elapsed()));
+            let asked = self.shared.asked(Duration::ZERO);
             if let Some(wanted) = asked.wants {
                 *wants = wanted;
                 self.shared.change(|model| model.watch(wants.values.clone()));
@@ -84,9 +80,7 @@ impl<'a> Following<'a> {
                 self.client.comms.notify(REQUEST, "")?;
                 asked_for_table = Stopwatch::start();
             }
-            let has_news = self.listen()?;
-            heard = Stopwatch::start();
-            if has_news {
+            if self.listen()? {
                 self.register_wanted(wants)?;
             }
         }
@@ -96,14 +90,17 @@ impl<'a> Following<'a> {
     /// Hears what has come; whether there are variables of poses or scans that there were not.
     fn listen(&mut self) -> Result<bool, CommsError> {
         let (shared, mut table) = (self.shared, None);
-        self.client.receive(LOOK_EVERY, |mail| {
+        let messages = self.client.receive(LOOK_EVERY, |mail| {
             if mail.is(&TABLE) {
                 table = mail.decode(&TABLE).ok();
                 return;
             }
             let heard = Heard { key: mail.key(), source: mail.source(), time: mail.time(), value: mail.value() };
-            shared.change(|model| model.hear(&heard));
+            shared.model().hear(&heard);
         })?;
+        if messages > 0 {
+            shared.tell();
+        }
         let now = self.client.comms.time();
         if shared.model().is_over_at(now) {
             shared.change(|model| model.pass(now));

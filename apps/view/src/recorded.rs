@@ -213,7 +213,15 @@ impl Recording {
     fn go_on(&mut self, secs: f64, shared: &Shared) {
         self.at = (self.at + secs).min(self.end);
         let at = self.at;
-        self.read_to(at, &mut |heard| shared.change(|model| model.hear(heard)), &mut || shared.model().clone());
+        let mut is_changed = false;
+        let mut hear = |heard: &Heard<'_>| {
+            is_changed = true;
+            shared.model().hear(heard);
+        };
+        self.read_to(at, &mut hear, &mut || shared.model().clone());
+        if is_changed {
+            shared.tell();
+        }
         if shared.model().is_over_at(at) {
             shared.change(|model| model.pass(at));
         }

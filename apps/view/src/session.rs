@@ -134,10 +134,7 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
 
 impl Session {
     async fn send(&mut self, message: Message) -> Result<(), Gone> {
-        match timeout(SEND_PATIENCE, self.out.send(message)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) | Err(_) => Err(Gone),
-        }
+        in_time(self.out.send(message)).await
     }
 
     async fn complain(&mut self, what: &str) -> Result<(), Gone> {
@@ -153,8 +150,9 @@ impl Session {
         }
         // There may be more bricks than went into it.
         changes.mark_changed();
+        // What makes a frame leaves together, with the word that closes it.
         for message in news {
-            self.send(message).await?;
+            in_time(self.out.feed(message)).await?;
         }
         self.sent += 1;
         self.send(message(&json!({"type": "frame", "number": self.sent}))).await
@@ -314,6 +312,14 @@ impl Session {
             Some(lines) => self.send(message(&lines)).await,
             None => Ok(()),
         }
+    }
+}
+
+/// A page that takes too long, or is not there, has gone.
+async fn in_time(sending: impl Future<Output = Result<(), axum::Error>>) -> Result<(), Gone> {
+    match timeout(SEND_PATIENCE, sending).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) | Err(_) => Err(Gone),
     }
 }
 

@@ -86,8 +86,13 @@ impl Shared {
     /// Changes the model, and tells the pages.
     pub fn change<T>(&self, change: impl FnOnce(&mut Model) -> T) -> T {
         let changed = change(&mut self.model());
-        self.changed.send_modify(|count| *count += 1);
+        self.tell();
         changed
+    }
+
+    /// Tells the pages that the model has changed: whoever hears much at a time does so once.
+    pub fn tell(&self) {
+        self.changed.send_modify(|count| *count += 1);
     }
 
     /// Is told whenever the model has changed.
