@@ -25,6 +25,7 @@ const LONGEST_CALIBRATION: u64 = 1 << 20;
 const PICTURE: &str = "picture.png";
 const DISPARITY: &str = "disparity.png";
 const CLOUD: &str = "cloud.ply";
+const PLAN: &str = "plan.png";
 
 /// A sensor, or a pair of images.
 #[derive(Debug, Args)]
@@ -87,18 +88,19 @@ fn pair(images: [&Path; 2], calibration: &[PathBuf], params: &Params, output: &P
     let pair = Pair { images, names, rectified: &rectified };
     let outcome = pair.matched(&mut *matcher)?;
     std::fs::create_dir_all(output).with_context(|| format!("cannot make the folder {}", output.display()))?;
-    // All three are there when all are whole.
+    // All are there when all are whole.
     let target = Target::new(&output.join(PICTURE), PICTURE)?;
     let files = [
         (target.draft().to_owned(), outcome.picture_png()?),
         (target.draft().with_file_name(DISPARITY), outcome.disparity_png()?),
         (target.draft().with_file_name(CLOUD), outcome.cloud_ply()),
+        (target.draft().with_file_name(PLAN), outcome.plan_png()?),
     ];
     for (path, bytes) in files {
         file::write(&path, &bytes).with_context(|| format!("cannot write into {}", output.display()))?;
     }
     let shown = output.display();
-    target.conclude(&format!("{shown}: {PICTURE}, {DISPARITY}, {CLOUD}\n{}\n", outcome.summary()))?;
+    target.conclude(&format!("{shown}: {PICTURE}, {DISPARITY}, {CLOUD}, {PLAN}\n{}\n", outcome.summary()))?;
     Ok(ExitCode::SUCCESS)
 }
 
