@@ -115,7 +115,10 @@ impl Localised {
         let mut been = vec![self.truth];
         let mut ahead: Vec<(Pose, u32)> = self.poses(way, end).into_iter().rev().map(|pose| (pose, 0)).collect();
         while let Some((pose, halved)) = ahead.pop() {
-            let there = Pose(self.truth.0 * self.believed.0.inverse() * pose.0);
+            let mut there = self.truth.0 * self.believed.0.inverse() * pose.0;
+            // Of products of products the length would leave 1 faster and faster.
+            there.rotation.renormalize();
+            let there = Pose(there);
             let leg = [self.truth.position(), there.position()];
             let travel = self.source.truth().map(|truth| truth.travel(&leg, &there)).unwrap_or_default();
             arrival.travel.contact |= travel.contact;

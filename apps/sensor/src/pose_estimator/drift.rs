@@ -50,8 +50,9 @@ impl PoseEstimator for DriftingOdometry {
             let turned = motion.rotation.angle() * self.drift.turn * turn;
             let went = motion.translation.vector * (1.0 + self.drift.way * way);
             let measured = said * Isometry3::from_parts(Translation3::from(went), motion.rotation);
-            let about = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turned);
-            Isometry3::from_parts(measured.translation, about * measured.rotation)
+            let mut rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turned) * measured.rotation;
+            rotation.renormalize();
+            Isometry3::from_parts(measured.translation, rotation)
         });
         self.last = Some((now, said));
         Located::At(Pose(said), Vec::new(), AGREED)
