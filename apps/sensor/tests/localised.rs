@@ -9,7 +9,7 @@ use elk_sensor::pose_estimator::{
 use elk_sensor::simulated_stereo::{Eyes, Look, Settings, SimulatedStereo};
 use elk_sensor::simulator::{self, Simulator};
 use elk_sensor::surroundings::Body;
-use elk_sensor::{Camera, DepthSource, Obstruction, Robot};
+use elk_sensor::{Camera, Obstruction, Robot};
 use elk_spatial::messages::PoseCommand;
 use elk_stereo::{Sad5, Sad5Config};
 use elk_world::World;
