@@ -30,7 +30,7 @@ const PLAN: &str = "plan.png";
 /// A sensor, or a pair of images.
 #[derive(Debug, Args)]
 pub struct SensorArgs {
-    /// Its type; `elk types Sensor` lists them. Stereo: one pair of images, without a mission
+    /// Its type; `elk types Sensor` lists them. Stereo with two images: one pair, without a mission
     #[arg(long = "type", value_name = "TYPE")]
     type_name: String,
     /// Its name on the bus; its element's if not said
@@ -54,8 +54,9 @@ pub struct SensorArgs {
 pub fn run(arguments: SensorArgs) -> Result<ExitCode> {
     let SensorArgs { type_name, name, community, said, calibration, output } = arguments;
     let settings = |said: &[String]| said.iter().map(|one| setting(one)).collect::<Result<Vec<_>, _>>();
-    // What names a parameter is no picture: of a type that plays recordings it says which.
-    let is_pair = type_name == STEREO && !(said.iter().any(|one| one.starts_with("Recording=")));
+    // What names a parameter is no picture.
+    let names_pictures = said.iter().any(|one| !one.contains('='));
+    let is_pair = type_name == STEREO && (names_pictures || !calibration.is_empty() || output.is_some());
     if !is_pair {
         if !calibration.is_empty() || output.is_some() {
             bail!("--calibration and -o are of a pair of images; right is --type {STEREO}");
