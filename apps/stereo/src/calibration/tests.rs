@@ -113,13 +113,3 @@ fn a_text_cut_off_anywhere_is_an_error_or_a_calibration_and_no_panic() {
         }
     }
 }
-
-#[test]
-fn where_a_camera_is_on_its_body_is_what_its_file_says() {
-    let body_from_camera = euroc_body_from_camera(LEFT).unwrap();
-    assert_eq!(body_from_camera.translation.vector, Vector3::new(-0.02, -0.06, 0.01));
-    // Its x axis is the body's y axis.
-    assert!((body_from_camera * Vector3::x() - Vector3::y()).norm() < 1e-12);
-    let none = euroc_body_from_camera(&LEFT.replace("T_BS", "T_SB")).unwrap_err().to_string();
-    assert!(none.starts_with("there is no T_BS"), "{none}");
-}
