@@ -108,6 +108,15 @@ fn a_pair_is_disparities_points_and_a_picture() {
             .all(|vertex| (number(vertex, 3) - 0.0234).abs() < 0.02 || (number(vertex, 2) - 1.5).abs() > 0.1)
     );
 
+    // From above, the wall is a line across.
+    let (width, height, colour, _, pixels) = picture(&case.path("out/plan.png"));
+    assert_eq!((width, height, colour), (480, 480, png::ColorType::Rgb));
+    let points: Vec<usize> =
+        pixels.chunks_exact(3).enumerate().filter(|(_, rgb)| rgb[0] < 128).map(|(i, _)| i / 480).collect();
+    let at = |row: usize| points.iter().filter(|other| other.abs_diff(row) <= 12).count();
+    let most = (0..480).map(at).max().unwrap();
+    assert!(most > 100 && most * 10 > points.len() * 8, "{most} of {}", points.len());
+
     let (again, said) = case.elk(&["left.png", "right.png", "--calibration", "cameras.yaml", "-o", "out"]);
     assert!(!again && said.contains("picture.png: it is there already"), "{said}");
     let (well, said) = case.elk(&[

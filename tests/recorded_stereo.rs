@@ -272,7 +272,7 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
     write(&file("cam1", 2), &Image::from_fn(160, 120, |_, _| 7).unwrap());
     let whole = std::fs::read(file("cam0", 3)).unwrap();
     std::fs::write(file("cam0", 3), &whole[..whole.len() / 2]).unwrap();
-    ["cam0", "cam1"].map(|side| write(&file(side, 5), &Image::from_fn(320, 240, |_, _| 0).unwrap()));
+    ["cam0", "cam1"].iter().for_each(|side| write(&file(side, 5), &Image::from_fn(320, 240, |_, _| 0).unwrap()));
     write(&file("cam0", 6), &PAIRS[6][1]);
     write(&file("cam1", 6), &PAIRS[6][0]);
     std::fs::copy(file("cam0", 7), recording.join("cam0/today.png")).unwrap();
@@ -356,7 +356,7 @@ fn recordings_that_are_none_start_nothing_and_say_what_would_be_right() {
     };
     let focal = format!("[{},", camera().focal_px);
     calibrate(&yaml(0.0).replacen(&focal, "[0.0,", 1), &yaml(BASELINE_M));
-    refused(&pairs, "cam1.yaml: line 11: intrinsics is");
+    refused(&pairs, "/cam0.yaml: line 10: intrinsics is [0.0,");
     refused(&pairs, "positive focal lengths, without which the camera is singular would be right");
     calibrate(&yaml(0.0), &yaml(0.0));
     refused(&pairs, "a baseline of 0 m: the right camera has to be on the right of the left one");

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use common::{Elk, said};
 use elk_map::{MapConfig, OccupancyMap, Saved};
-use elk_spatial::keys::SCAN;
+use elk_sensor::Pose;
+use elk_spatial::keys::{POSE_ESTIMATE, SCAN};
 use elk_world::surface::{SurfaceScore, surface_score};
 use elk_world::{Placement, World};
 
@@ -61,4 +62,38 @@ fn what_is_matched_is_the_same_every_time_and_when_it_is_replayed() {
     let out = elk.command(&[&replay[..], &["--log-dir", "d"]].concat()).output().unwrap();
     assert!(out.status.success(), "{}", said(&out));
     assert!(map("a") == map("d"), "the map of the same scans is another one");
+}
+
+/// Where the robot took each scan of a run, as it says and truly.
+fn poses(run: &Path) -> Vec<(Pose, Pose)> {
+    let mut log = elk_log::LogReader::open(run).unwrap();
+    let estimates = log.by_ref().map(Result::unwrap).filter(|record| record.key == POSE_ESTIMATE.name());
+    let estimates = estimates.map(|record| record.value.as_ref().decode(&POSE_ESTIMATE).unwrap());
+    estimates.map(|estimate| (estimate.pose.unwrap(), estimate.recorded.unwrap())).collect()
+}
+
+/// Nobody tells the robot where it is. The whole mission takes some minutes as tests are built; its first 30 scans have to do here.
+#[test]
+fn an_apartment_is_explored_by_two_cameras_that_say_where_they_are_as_well() {
+    let elk = Elk::new("stereo-localised");
+    let all = ["launch", MISSION, "--headless", "--in-process", "--community", elk.community()];
+    let all = [&all[..], &["--set", "Explorer.MaxScans=30", "--set", "Sensor.PoseEstimator=VisualOdometry"]].concat();
+    let out = elk.command(&[&all[..], &["--log-dir", "a"]].concat()).output().unwrap();
+    let run = elk.run_in("a");
+    let summary = common::summary_of(&run);
+    assert_eq!((&summary["contacts"], &summary["scans"]), (&0.into(), &30.into()), "{}\n{summary:#}", said(&out));
+    let poses = poses(&run);
+    assert_eq!(poses.len(), 30);
+    let off = poses.iter().map(|(said, truly)| (said.position() - truly.position()).norm()).fold(0.0, f64::max);
+    assert!(off > 1e-6 && off < 0.05, "{off} m");
+    let score = score(&run);
+    assert!(score.recall > 0.3 && score.precision > 0.9, "{score:?}");
+    elk.command(&[&all[..], &["--log-dir", "b"]].concat()).output().unwrap();
+    let map = |folder: &str| std::fs::read(elk.run_in(folder).join("map.bt")).unwrap();
+    assert!(map("a") == map("b"), "two runs of one seed have different maps");
+    let old = run.display().to_string();
+    let replay = ["replay", &old, "--rate", "max", "--keys", "SCAN*", "--only", "Map,Explorer", "--into", &old];
+    let out = elk.command(&[&replay[..], &["--log-dir", "c"]].concat()).output().unwrap();
+    assert!(out.status.success(), "{}", said(&out));
+    assert!(map("a") == map("c"), "the map of the same scans is another one");
 }

@@ -25,11 +25,12 @@ const LONGEST_CALIBRATION: u64 = 1 << 20;
 const PICTURE: &str = "picture.png";
 const DISPARITY: &str = "disparity.png";
 const CLOUD: &str = "cloud.ply";
+const PLAN: &str = "plan.png";
 
 /// A sensor, or a pair of images.
 #[derive(Debug, Args)]
 pub struct SensorArgs {
-    /// Its type; `elk types Sensor` lists them. Stereo: one pair of images, without a mission
+    /// Its type; `elk types Sensor` lists them. Stereo with two images: one pair, without a mission
     #[arg(long = "type", value_name = "TYPE")]
     type_name: String,
     /// Its name on the bus; its element's if not said
@@ -53,8 +54,9 @@ pub struct SensorArgs {
 pub fn run(arguments: SensorArgs) -> Result<ExitCode> {
     let SensorArgs { type_name, name, community, said, calibration, output } = arguments;
     let settings = |said: &[String]| said.iter().map(|one| setting(one)).collect::<Result<Vec<_>, _>>();
-    // What names a parameter is no picture: of a type that plays recordings it says which.
-    let is_pair = type_name == STEREO && !(said.iter().any(|one| one.starts_with("Recording=")));
+    // What names a parameter is no picture.
+    let names_pictures = said.iter().any(|one| !one.contains('='));
+    let is_pair = type_name == STEREO && (names_pictures || !calibration.is_empty() || output.is_some());
     if !is_pair {
         if !calibration.is_empty() || output.is_some() {
             bail!("--calibration and -o are of a pair of images; right is --type {STEREO}");
@@ -87,18 +89,19 @@ fn pair(images: [&Path; 2], calibration: &[PathBuf], params: &Params, output: &P
     let pair = Pair { images, names, rectified: &rectified };
     let outcome = pair.matched(&mut *matcher)?;
     std::fs::create_dir_all(output).with_context(|| format!("cannot make the folder {}", output.display()))?;
-    // All three are there when all are whole.
+    // All are there when all are whole.
     let target = Target::new(&output.join(PICTURE), PICTURE)?;
     let files = [
         (target.draft().to_owned(), outcome.picture_png()?),
         (target.draft().with_file_name(DISPARITY), outcome.disparity_png()?),
         (target.draft().with_file_name(CLOUD), outcome.cloud_ply()),
+        (target.draft().with_file_name(PLAN), outcome.plan_png()?),
     ];
     for (path, bytes) in files {
         file::write(&path, &bytes).with_context(|| format!("cannot write into {}", output.display()))?;
     }
     let shown = output.display();
-    target.conclude(&format!("{shown}: {PICTURE}, {DISPARITY}, {CLOUD}\n{}\n", outcome.summary()))?;
+    target.conclude(&format!("{shown}: {PICTURE}, {DISPARITY}, {CLOUD}, {PLAN}\n{}\n", outcome.summary()))?;
     Ok(ExitCode::SUCCESS)
 }
 

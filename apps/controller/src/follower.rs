@@ -25,6 +25,11 @@ use nalgebra::Point3;
 use crate::allowance::Allowance;
 use crate::record::Record;
 
+/// A robot that says that it is at most so far (m) from where it was sent has arrived there: a fraction of any voxel in which plans are made.
+const ARRIVED_M: f64 = 0.02;
+/// … and turned by at most so much (rad).
+const ARRIVED_RAD: f64 = 0.02;
+
 /// What the follower wants done: a message that is to be published.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
@@ -190,9 +195,15 @@ impl Follower {
             };
         }
         self.carried_out = self.carried_out.max(camera.command);
-        match camera.command == self.commands && camera.pose != self.pose {
+        match camera.command == self.commands && !has_arrived(&camera.pose, &self.pose) {
             true => Ok(self.go_on_from(camera)),
-            false => Ok(vec![]),
+            false => {
+                // Of a robot that goes by an estimate what it says is where plans begin.
+                if camera.command == self.commands {
+                    self.pose = camera.pose;
+                }
+                Ok(vec![])
+            }
         }
     }
 
@@ -393,6 +404,12 @@ impl Follower {
             finished,
         }
     }
+}
+
+/// Whether a robot is where it was sent, as near as one comes that goes by an estimate of its pose.
+fn has_arrived(pose: &Pose, sent: &Pose) -> bool {
+    let turned = pose.0.rotation.angle_to(&sent.0.rotation);
+    pose == sent || ((pose.position() - sent.position()).norm() <= ARRIVED_M && turned <= ARRIVED_RAD)
 }
 
 /// What to do next on a leg.

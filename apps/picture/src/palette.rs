@@ -20,6 +20,9 @@ pub(crate) const FAR: Rgb = [247, 248, 250];
 /// A frontier voxel that is left.
 pub(crate) const FRONTIER: Rgb = [225, 29, 72];
 
+/// Where the way truly led.
+pub(crate) const TRUTH: Rgb = [180, 83, 9];
+
 /// The colours of the way from start (0) to end (1).
 const PROGRESS: [Rgb; 4] = [[67, 56, 202], [2, 132, 199], [13, 148, 136], [77, 160, 20]];
 

@@ -64,6 +64,7 @@ impl Panel {
         self.draw_cells(canvas, scene);
         self.draw_frontier(canvas, scene);
         self.draw_path(canvas, scene);
+        self.draw_truth(canvas, scene);
         self.draw_scans(canvas, scene);
         self.draw_ends(canvas, scene);
     }
@@ -169,6 +170,12 @@ impl Panel {
             canvas.disc(from, 3.4, palette::PAPER);
             canvas.disc(from, 2.6, color);
         }
+    }
+
+    /// From scan to scan, in straight lines: where the way truly led.
+    fn draw_truth(&self, canvas: &mut Canvas, scene: &Scene) {
+        let points: Vec<At> = scene.truth.iter().map(|point| self.project(*point)).collect();
+        canvas.line(&points, 1.2, palette::TRUTH, 0.9);
     }
 
     /// A ring where the way starts, a full disc where it ends.

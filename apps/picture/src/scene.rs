@@ -28,6 +28,8 @@ pub struct Scene {
     pub path: Vec<Point3<f64>>,
     /// The camera's pose at each scan, in order.
     pub scans: Vec<Pose>,
+    /// Where scans were truly taken, or as recorded (m, world), in order, where their poses are estimates.
+    pub truth: Vec<Point3<f64>>,
     /// Length of the way (m).
     pub path_length_m: f64,
     /// Plans that led somewhere.
@@ -52,6 +54,7 @@ pub enum SceneError {
 struct Collector {
     maps: Vec<Map>,
     scans: BTreeMap<u64, Pose>,
+    truth: BTreeMap<u64, Pose>,
     path: Vec<Point3<f64>>,
     path_length_m: Option<f64>,
     plans: usize,
@@ -104,6 +107,12 @@ impl Collector {
             key if key == keys::SCAN.name() => {
                 let scan: Scan<'_> = record.value.as_ref().decode(&keys::SCAN)?;
                 self.scans.insert(scan.id, scan.pose);
+            }
+            key if key == keys::POSE_ESTIMATE.name() => {
+                let estimate = decode(record, &keys::POSE_ESTIMATE)?;
+                // Of a frame that was lost there is no scan.
+                let truth = estimate.recorded.filter(|_| estimate.scan > 0);
+                self.truth.extend(truth.map(|pose| (estimate.scan, pose)));
             }
             key if key == keys::POSE_COMMAND.name() => {
                 let command = decode(record, &keys::POSE_COMMAND)?;
@@ -168,6 +177,7 @@ impl Collector {
             frontier,
             path,
             scans,
+            truth: self.truth.values().map(Pose::position).collect(),
             path_length_m,
             plans: self.plans,
             complete: self.complete,

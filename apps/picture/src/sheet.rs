@@ -63,7 +63,7 @@ pub fn draw(scene: &Scene) -> Result<Vec<u8>, DrawError> {
         true => ((section.corner.0, section.bottom() + GAP), plan.bottom() - 8.0),
         false => ((SIDE, height - 52.0), height - 52.0),
     };
-    draw_key(&mut canvas, key, stacked);
+    draw_key(&mut canvas, key, stacked, !scene.truth.is_empty());
     axes::scale_bar(&mut canvas, plan.scale, section.corner.0 + section.size().0, bar);
     canvas.encode().map_err(DrawError::Encode)
 }
@@ -156,10 +156,11 @@ fn draw_cut(canvas: &mut Canvas, plan: &Panel, section: &Panel) {
     canvas.text((left - 44.0, y), "A", letter, Align::Center);
 }
 
-/// What the colours mean: in a row at `at`, or, `stacked`, one below the other.
-fn draw_key(canvas: &mut Canvas, at: At, stacked: bool) {
+/// What the colours mean: in a row at `at`, or, `stacked`, one below the other; the true way beside the scans, where it is drawn.
+fn draw_key(canvas: &mut Canvas, at: At, stacked: bool, with_truth: bool) {
     let (mut x, mut y) = at;
-    for entry in [cut_entry, unknown_entry, frontier_entry, depth_entry, way_entry, scan_entry] {
+    let last = if with_truth { scan_and_truth_entry } else { scan_entry };
+    for entry in [cut_entry, unknown_entry, frontier_entry, depth_entry, way_entry, last] {
         let end = entry(canvas, (x, y));
         if stacked {
             y += KEY_LINE;
@@ -197,6 +198,12 @@ fn scan_entry(canvas: &mut Canvas, (x, y): At) -> f64 {
     canvas.line(&[(x + 3.0, y), (x + 20.0, y)], 1.8, palette::progress(0.4), 1.0);
     canvas.disc((x + 3.0, y), 3.2, palette::progress(0.4));
     entry(canvas, (x + 30.0, y), "scan")
+}
+
+fn scan_and_truth_entry(canvas: &mut Canvas, at: At) -> f64 {
+    let (x, y) = (scan_entry(canvas, at) + 24.0, at.1);
+    canvas.line(&[(x, y), (x + 24.0, y)], 1.2, palette::TRUTH, 0.9);
+    entry(canvas, (x + 34.0, y), "truth")
 }
 
 fn swatch(canvas: &mut Canvas, (x, y): At, name: &str, color: palette::Rgb) -> f64 {

@@ -43,7 +43,7 @@ fn main() -> Result<(), AppError> {
             let (mut mapping, mut mapping_all) = (Vec::new(), Vec::new());
             let mut density = 0.0;
             for (i, &pose) in places.iter().enumerate() {
-                let pair = timed(&mut rendering, || Ok(stereo.pair(&capture(i, pose))?))?;
+                let pair = timed(&mut rendering, || Ok(stereo.render(&capture(i, pose))?))?;
                 let points = timed(&mut matching, || Ok(stereo.matched(&pair)?))?.points;
                 density += points.len() as f64 / f64::from(width * height) / turns as f64;
                 let kept = timed(&mut filtering, || Ok(voxel_grid(&points, LEAF_M)))?;

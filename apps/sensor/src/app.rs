@@ -14,6 +14,7 @@ use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{AccuracyReport, CameraPose, MotionReport, PoseCommand, SensorReport};
 use nalgebra::Isometry3;
 
+use crate::localised::{Estimating, Localised};
 use crate::recording::{Advance, Player};
 use crate::robot::{Robot, ScanError};
 use crate::source::{Accuracy, DepthSource};
@@ -27,6 +28,24 @@ const SAID: u64 = 20;
 /// Its robot cannot be where the source says that it starts.
 pub fn app(params: &Params, source: Box<dyn DepthSource>) -> Result<Box<dyn App>, AppError> {
     Ok(on_the_bus(params, Robot::new(source).map_err(|refusal| format!("start: {refusal}"))?))
+}
+
+/// A simulated sensor of any source, with the parameters that all share: told where it is, or going by an estimate.
+///
+/// # Errors
+/// Its robot cannot be where the source says that it starts.
+pub(crate) fn simulated(
+    params: &Params,
+    source: Box<dyn DepthSource>,
+    estimating: Option<Estimating>,
+) -> Result<Box<dyn App>, AppError> {
+    match estimating {
+        None => app(params, source),
+        Some(estimating) => {
+            let robot = Robot::localised(Localised::new(source, estimating));
+            Ok(on_the_bus(params, robot.map_err(|refusal| format!("start: {refusal}"))?))
+        }
+    }
 }
 
 /// The sensor of a recording, with the parameters that all share.
@@ -145,6 +164,7 @@ impl SensorApp {
             self.publish_pose(comms)?;
             return self.publish_playback(comms);
         };
+        self.look_whether_it_can_succeed()?;
         let report = report.filter(|report| report.scans <= scan.max(pose.command) + MAX_REVISIONS_AHEAD);
         let (scans, contacts, cpu_secs) =
             report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts.unwrap_or(0), r.cpu_secs));
@@ -187,6 +207,7 @@ impl SensorApp {
             return Err(foreign.into());
         }
         if self.robot.command() == 0 && command.id > 1 {
+            self.look_whether_it_can_succeed()?;
             self.find_robot(comms.name(), &command);
         }
         self.inherited = false;
@@ -246,6 +267,16 @@ impl SensorApp {
             return Ok(());
         }
         Err(Rejection::new(format_args!("id is {}; the last command was {last}, and they are unbroken", command.id)))
+    }
+
+    /// Where a robot truly was that went by an estimate, no message says.
+    fn look_whether_it_can_succeed(&self) -> Result<(), AppError> {
+        match self.robot.can_succeed() {
+            true => Ok(()),
+            false => Err("a simulated robot that goes by an estimate cannot go on where another one stopped: where that one truly was \
+                          died with it. Launch the mission anew, or with PoseEstimator none"
+                .into()),
+        }
     }
 
     /// Goes on from where a command begins: what the sensor before this one said has died with it and the broker, and of

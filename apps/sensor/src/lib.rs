@@ -1,7 +1,7 @@
 //! Where depth comes from: one trait, a simulated camera behind it, and the app around it, which is written once.
 //!
 //! [`source`] is the seam: whatever answers "a scan from this pose" is a sensor. [`robot`] carries it where it is sent, and
-//! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
+//! counts, or, where it is not told where it is, goes by an estimate ([`localised`]); [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
 //! camera in a [`World`](elk_world::World), which is what is truly there, and [`simulated_stereo`] two cameras in one, whose
 //! pictures are matched; [`surroundings`] is what both have in common. A [`recording`] decides itself where its sensor was:
 //! [`rgbd`] is one of a depth camera, [`laser2d`] one of a laser, [`stereo`] one of two cameras. Where its frames ([`frame`]) were
@@ -24,6 +24,7 @@ pub mod app;
 pub mod camera;
 pub mod frame;
 pub mod laser2d;
+pub mod localised;
 pub mod matching;
 mod parameters;
 pub mod pose_estimator;

@@ -2,6 +2,8 @@
 
 use elk_mission::{Kind, ParamSpec, Params};
 
+use crate::pose_estimator::Drift;
+
 /// A parameter with a default.
 pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
@@ -17,6 +19,59 @@ pub const COMMON: &[ParamSpec] = &[
     POSE,
     param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
 ];
+
+/// What a simulated sensor can say of where it takes itself to be, beside which estimators there are for it.
+pub(crate) const SIMULATED: &[ParamSpec] = &[
+    OUTPUT,
+    POSE,
+    param(
+        "DriftWay",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0.01",
+        "Standard deviation of Odometry's error of the way to each commanded pose, as a share of that way.",
+    ),
+    param(
+        "DriftTurn",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0.01",
+        "Standard deviation of Odometry's error of the turn to each commanded pose, as a share of that turn.",
+    ),
+];
+
+/// How a robot with a simulated depth camera knows where it is.
+pub(crate) const DEAD_RECKONING: ParamSpec = param(
+    "PoseEstimator",
+    Kind::Choice(&["none", "Odometry"]),
+    "none",
+    "How the pose is estimated; none: it is known exactly; Odometry: from motions that are measured with an error, so that it drifts.",
+);
+
+/// How a robot with two simulated cameras knows where it is.
+pub(crate) const LOOKING: &[ParamSpec] = &[
+    param(
+        "PoseEstimator",
+        Kind::Choice(&["none", "Odometry", "VisualOdometry"]),
+        "none",
+        "How the pose is estimated; none: it is known exactly; Odometry: from motions that are measured with an error; VisualOdometry: from the images.",
+    ),
+    param(
+        "LookWay",
+        Kind::Number { unit: "m", min: 0.001, max: 100.0 },
+        "0.1",
+        "With VisualOdometry: how far the robot goes at most from one look to the next on its way to a pose.",
+    ),
+    param(
+        "LookTurn",
+        Kind::Number { unit: "deg", min: 0.1, max: 360.0 },
+        "10",
+        "With VisualOdometry: how far it turns at most from one look to the next.",
+    ),
+];
+
+/// Odometry as a mission says it, whose errors are drawn from the sensor's seed.
+pub(crate) fn drift(params: &Params, seed: u64) -> Drift {
+    Drift { way: params.number("DriftWay"), turn: params.number("DriftTurn"), seed }
+}
 
 /// The parameters that all recorded sensors have, beside how their poses are estimated.
 pub const RECORDED: &[ParamSpec] = &[

@@ -4,9 +4,10 @@ use elk_bus::{AppError, Describe};
 use elk_geometry::Pose;
 use elk_spatial::Scan;
 use elk_spatial::messages::{CameraPose, PoseCommand};
-use elk_spatial::playback::Playback;
+use elk_spatial::playback::{Playback, PoseEstimate};
 use nalgebra::Point3;
 
+use crate::localised::{Arrival, Localised};
 use crate::recording::{Advance, Player};
 use crate::source::{Capture, DepthSource, Obstruction, Seen, Travel, Truth};
 
@@ -26,6 +27,8 @@ pub struct ScanError {
 enum Carrier {
     /// Pose commands.
     Commanded(Box<dyn DepthSource>),
+    /// Pose commands, as far as it can tell where it is.
+    Estimated(Box<Localised>),
     /// Whoever carried the sensor when it was recorded.
     Recorded(Box<Player>),
 }
@@ -47,6 +50,17 @@ impl Robot {
     pub fn new(source: Box<dyn DepthSource>) -> Result<Self, Obstruction> {
         let pose = source.start();
         let robot = Self { pose, carrier: Carrier::Commanded(source), command: 0, scans: 0, contacts: 0 };
+        robot.free(&robot.pose)?;
+        Ok(robot)
+    }
+
+    /// A robot at its source's start that goes by an estimate.
+    ///
+    /// # Errors
+    /// It cannot be there, as far as the source knows the true world.
+    pub fn localised(localised: Localised) -> Result<Self, Obstruction> {
+        let (pose, carrier) = (localised.pose(), Carrier::Estimated(Box::new(localised)));
+        let robot = Self { pose, carrier, command: 0, scans: 0, contacts: 0 };
         robot.free(&robot.pose)?;
         Ok(robot)
     }
@@ -80,6 +94,7 @@ impl Robot {
     pub fn truth(&self) -> Option<&dyn Truth> {
         match &self.carrier {
             Carrier::Commanded(source) => source.truth(),
+            Carrier::Estimated(localised) => localised.world(),
             Carrier::Recorded(_) => None,
         }
     }
@@ -87,7 +102,7 @@ impl Robot {
     /// How far a recording is; none: it is none.
     pub fn playback(&self) -> Option<Playback> {
         match &self.carrier {
-            Carrier::Commanded(_) => None,
+            Carrier::Commanded(_) | Carrier::Estimated(_) => None,
             Carrier::Recorded(player) => Some(player.playback(self.command)),
         }
     }
@@ -96,11 +111,17 @@ impl Robot {
     pub fn remarks(&self) -> Vec<String> {
         match &self.carrier {
             Carrier::Commanded(source) => source.remarks(),
+            Carrier::Estimated(localised) => localised.remarks(),
             Carrier::Recorded(_) => Vec::new(),
         }
     }
 
-    /// Goes on where another robot stopped: at `at`, after so many scans and contacts.
+    /// Whether it can go on where another one stopped. Where one was truly that went by an estimate, nobody can tell.
+    pub fn can_succeed(&self) -> bool {
+        !matches!(self.carrier, Carrier::Estimated(_))
+    }
+
+    /// Goes on where another robot stopped, if it [can](Self::can_succeed): at `at`, after so many scans and contacts.
     ///
     /// # Errors
     /// It cannot be there: the world is another one.
@@ -128,13 +149,24 @@ impl Robot {
         let ends = [self.pose.position(), command.pose.position()];
         let way: Vec<Point3<f64>> =
             std::iter::once(ends[0]).chain(command.via.iter().copied()).chain(std::iter::once(ends[1])).collect();
-        let travel = self.truth().map(|truth| truth.travel(&way, &command.pose)).unwrap_or_default();
-        if travel.refused.is_none() {
-            self.pose = command.pose;
-        }
-        self.contacts += u64::from(travel.contact);
         self.scans += 1;
-        (travel, Advance::default())
+        let (travel, advance) = match &mut self.carrier {
+            Carrier::Estimated(localised) => {
+                let Arrival { travel, estimate, lost } = localised.go(&way, &command.pose);
+                self.pose = localised.pose();
+                let estimate = estimate.map(|estimate| PoseEstimate { scan: self.scans, ..estimate });
+                (travel, Advance { estimates: estimate.into_iter().collect(), passed_over: lost })
+            }
+            _ => {
+                let travel = self.truth().map(|truth| truth.travel(&way, &command.pose)).unwrap_or_default();
+                if travel.refused.is_none() {
+                    self.pose = command.pose;
+                }
+                (travel, Advance::default())
+            }
+        };
+        self.contacts += u64::from(travel.contact);
+        (travel, advance)
     }
 
     /// Takes the scan that is due, or the last one again.
@@ -149,6 +181,7 @@ impl Robot {
     fn capture(&mut self, capture: &Capture) -> Result<Scan<'static>, AppError> {
         let (camera, Seen { points, no_return }) = match &mut self.carrier {
             Carrier::Commanded(source) => (source.camera(), source.scan(capture)?),
+            Carrier::Estimated(localised) => (localised.camera(), localised.scan()?),
             Carrier::Recorded(player) => (player.camera(), player.seen().cloned().unwrap_or_default()),
         };
         let scan = Scan::new(capture.scan, self.command, capture.pose, points);

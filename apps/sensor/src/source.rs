@@ -9,6 +9,7 @@ use std::fmt;
 use elk_bus::AppError;
 use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::{CameraInfo, Points};
+use elk_stereo::Image;
 use nalgebra::Point3;
 
 /// Where depth comes from.
@@ -24,6 +25,15 @@ pub trait DepthSource: Send {
     /// There is no scan: what was tried, on what, and what to do about it. The app ends with that, and what its element says
     /// of `restart` decides whether another one tries again.
     fn scan(&mut self, capture: &Capture) -> Result<Seen, AppError>;
+
+    /// What two cameras see from there, rectified, if the source has two: what a scan there is made of. From it a robot that is not
+    /// told where it is may know.
+    ///
+    /// # Errors
+    /// There are no images, as there is no scan.
+    fn pair(&mut self, _capture: &Capture) -> Result<Option<[Image; 2]>, AppError> {
+        Ok(None)
+    }
 
     /// Where the camera is before the first command (world).
     fn start(&self) -> Pose {
@@ -45,7 +55,7 @@ pub trait DepthSource: Send {
 /// What a scan is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Capture {
-    /// Its number, from 1, unbroken, whichever process of the mission takes it: what is random may depend on it, and is the
+    /// Its number, from 1, unbroken (but of a robot that also looks between scans, whose looks are counted), whichever process of the mission takes it: what is random may depend on it, and is the
     /// same then in every run and after every restart.
     pub scan: u64,
     /// The community's time (s).

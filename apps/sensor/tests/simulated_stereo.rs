@@ -130,7 +130,7 @@ fn a_scan_depends_on_its_number_its_pose_and_the_seed_alone() {
 #[test]
 fn the_right_camera_is_on_the_right() {
     let noiseless = Settings { eyes: Eyes { noise: 0.0, ..settings().eyes }, ..settings() };
-    let [left, right] = camera(noiseless, sad5()).pair(&capture(1)).unwrap();
+    let [left, right] = camera(noiseless, sad5()).render(&capture(1)).unwrap();
     // A pixel of the left image, and where its point is seen in the right one.
     let camera = noiseless.eyes.camera;
     let (row, column) = (100, 200);
@@ -148,7 +148,7 @@ fn the_right_camera_is_on_the_right() {
 fn a_camera_of_no_pixel_has_no_pair() {
     let rowless = Camera { height: 0, ..settings().eyes.camera };
     let settings = Settings { eyes: Eyes { camera: rowless, ..settings().eyes }, ..settings() };
-    let error = camera(settings, sad5()).pair(&capture(1)).unwrap_err();
+    let error = camera(settings, sad5()).render(&capture(1)).unwrap_err();
     assert_eq!(error.to_string(), "an image of 320 × 0 pixels: each side has to be of 1 to 16384");
 }
 

@@ -44,14 +44,15 @@ pub struct Playback {
     pub cut: String,
 }
 
-/// Sensor that estimates its poses to anyone, for each frame, before the scan that comes of it, if one does.
+/// Sensor that estimates its poses to anyone, for each frame, or for each pose command of a robot that is sent about, before the scan that
+/// comes of it, if one does.
 #[payload]
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseEstimate {
     /// The scan; 0: none came of the frame.
     #[describe(count)]
     pub scan: u64,
-    /// What the recording calls the frame.
+    /// What the recording calls the frame, or which look of a robot it was.
     #[describe(check = checks::text)]
     pub frame: String,
     /// Recorded time since the recording's beginning (s).
@@ -59,7 +60,7 @@ pub struct PoseEstimate {
     pub secs: f64,
     /// The camera's pose (world), as estimated; none: it is lost.
     pub pose: Option<Pose>,
-    /// The camera's pose (world), as recorded, where it is.
+    /// The camera's pose (world), as recorded, or as a simulator knows it, where it is.
     pub recorded: Option<Pose>,
     /// Covariance of the estimate, row by row: of a step of the position along the world's axes and a turn about them (m, rad; 6 × 6),
     /// or of x, y and the heading (3 × 3). It is that of the noise of independent points, the least that there is. Empty: there is no

@@ -1,7 +1,7 @@
 use super::*;
 use crate::allowance::Allowance;
 use elk_spatial::messages::MotionPolicy;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 /// A map, a camera that goes where it is told, and the follower between them.
 struct Bench {
@@ -157,6 +157,22 @@ fn a_refused_command_is_said_to_be_one_and_is_no_way() {
     let actions = bench.scan(2, vec![]);
     let [Action::Progress(progress), Action::Request(asked)] = &actions[..] else { panic!("{actions:?}") };
     assert_eq!((asked.outcome, asked.pose, progress.path_length_m), (Outcome::Refused, stayed, 0.0));
+}
+
+/// A robot that goes by an estimate of its pose comes near: the path goes on, and the next plan begins where it is.
+#[test]
+fn a_robot_that_comes_near_to_where_it_was_sent_has_arrived() {
+    let (mut bench, first) = Bench::new();
+    let actions = bench.follower.on_plan(&plan(&first, true)).unwrap();
+    let Some(Action::Command(command)) = actions.last() else { panic!() };
+    let aside = |metres: f64| Pose(Isometry3::translation(0.0, metres, 0.0) * command.pose.0);
+    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: aside(0.01) }).unwrap();
+    let actions = bench.scan(2, vec![]);
+    let Some(Action::Command(next)) = actions.last() else { panic!("{actions:?}") };
+    let far = Pose(Isometry3::translation(0.0, 0.03, 0.0) * next.pose.0);
+    bench.follower.on_camera_pose(&CameraPose { command: next.id, pose: far }).unwrap();
+    let actions = bench.scan(3, vec![]);
+    assert_eq!((request(&actions).outcome, request(&actions).pose), (Outcome::Cut, far));
 }
 
 /// Regression: the map knew better than before what the robot stood in, and each path out of it was cut before its first step.

@@ -15,12 +15,12 @@ pub use texture::{Look, Texture};
 
 use elk_mission::{AppType, ParamSpec, joined};
 
-use crate::app::app;
-use crate::parameters::COMMON;
+use crate::app::simulated;
+use crate::parameters::{LOOKING, SIMULATED};
 use crate::{matching, surroundings};
 
-const OWN: [ParamSpec; parameters::PARAMS.len() + matching::PARAMS.len()] =
-    joined(parameters::PARAMS, matching::PARAMS);
+const EYES: [ParamSpec; parameters::PARAMS.len() + LOOKING.len()] = joined(parameters::PARAMS, LOOKING);
+const OWN: [ParamSpec; EYES.len() + matching::PARAMS.len()] = joined(&EYES, matching::PARAMS);
 const PARAMS: [ParamSpec; surroundings::PARAMS.len() + OWN.len()] = joined(surroundings::PARAMS, &OWN);
 
 /// Its row in the table of sensors.
@@ -28,7 +28,11 @@ pub const TYPE: AppType = AppType {
     element: "Sensor",
     name: "SimulatedStereo",
     summary: "Two grey cameras in a world of triangles with a texture: rendered, matched and triangulated.",
-    params: &joined::<{ PARAMS.len() + COMMON.len() }>(&PARAMS, COMMON),
-    build: |params| app(params, Box::new(parameters::simulated_stereo(params)?)),
+    params: &joined::<{ PARAMS.len() + SIMULATED.len() }>(&PARAMS, SIMULATED),
+    build: |params| {
+        let stereo = parameters::simulated_stereo(params)?;
+        let estimating = parameters::estimating(params, &stereo)?;
+        simulated(params, Box::new(stereo), estimating)
+    },
     preflight: Some(parameters::preflight),
 };

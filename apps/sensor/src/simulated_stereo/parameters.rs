@@ -7,10 +7,15 @@ use elk_stereo::Matcher;
 use super::eyes::Eyes;
 use super::source::{Settings, SimulatedStereo};
 use super::texture::Look;
+use crate::camera::Camera;
+use crate::localised::{Estimating, LookSpacing};
 use crate::matching::matcher;
-use crate::parameters::param;
+use crate::parameters::{drift, param};
+use crate::pose_estimator::{DriftingOdometry, VisualOdometry, VisualOdometrySettings};
 use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
+/// Lost looks after which what was seen before would be given up: a robot that goes back the way it came is not that patient.
+const PATIENCE: usize = 1_000_000_000;
 const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
 
 /// What a mission file can say of it, beside its surroundings and how it matches.
@@ -48,6 +53,23 @@ pub(super) const PARAMS: &[ParamSpec] = &[
 pub(super) fn simulated_stereo(params: &Params) -> Result<SimulatedStereo, AppError> {
     let matcher = checked_matcher(params)?;
     Ok(SimulatedStereo::new(body(params)?, settings(params), matcher)?)
+}
+
+/// How its robot knows where it is, if it is not told.
+pub(super) fn estimating(params: &Params, stereo: &SimulatedStereo) -> Result<Option<Estimating>, AppError> {
+    let seed = seed(params);
+    Ok(match params.text("PoseEstimator") {
+        "Odometry" => Some(Estimating::new(DriftingOdometry::new(drift(params, seed)), LookSpacing::AT_THE_END)),
+        "VisualOdometry" => {
+            let Camera { width, height, .. } = camera(params);
+            let (rig, size) = (*stereo.rig(), [width as usize, height as usize]);
+            let settings = VisualOdometrySettings { rig, size, patience: PATIENCE, seed };
+            let spacing =
+                LookSpacing { way_m: params.number("LookWay"), turn_rad: params.number("LookTurn").to_radians() };
+            Some(Estimating::new(VisualOdometry::new(settings)?, spacing))
+        }
+        _ => None,
+    })
 }
 
 /// Whether a mission can be run with it, looked at before anything starts.

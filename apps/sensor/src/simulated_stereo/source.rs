@@ -29,6 +29,8 @@ pub struct SimulatedStereo {
     settings: Settings,
     rig: Rig,
     matcher: Box<dyn Matcher + Send>,
+    /// The last pair, and what it was asked for: a scan is often made of the pair that was looked at before.
+    last: Option<(Capture, [Image; 2])>,
 }
 
 impl SimulatedStereo {
@@ -42,14 +44,19 @@ impl SimulatedStereo {
         let middle = [camera.height, camera.width].map(|side| (f64::from(side) - 1.0) / 2.0);
         let rig = Rig::new(camera.focal_px, middle, baseline_m)?;
         let texture = Texture::new(body.world(), &settings.look);
-        Ok(Self { body, texture, settings, rig, matcher })
+        Ok(Self { body, texture, settings, rig, matcher, last: None })
+    }
+
+    /// Its cameras, whose images are rectified.
+    pub fn rig(&self) -> &Rig {
+        &self.rig
     }
 
     /// The left and the right image of a scan, whose pose is that of the left camera.
     ///
     /// # Errors
     /// Cameras of no pixel, or of more than an image may have.
-    pub fn pair(&self, capture: &Capture) -> Result<[Image; 2], ImageError> {
+    pub fn render(&self, capture: &Capture) -> Result<[Image; 2], ImageError> {
         self.settings.eyes.render(self.body.world(), &self.texture, &capture.pose, capture.scan)
     }
 
@@ -74,8 +81,19 @@ impl DepthSource for SimulatedStereo {
     }
 
     fn scan(&mut self, capture: &Capture) -> Result<Seen, AppError> {
-        let pair = self.pair(capture)?;
-        Ok(self.matched(&pair)?)
+        let pair = match self.last.take() {
+            Some((looked, pair)) if looked == *capture => pair,
+            _ => self.render(capture)?,
+        };
+        let seen = self.matched(&pair)?;
+        self.last = Some((*capture, pair));
+        Ok(seen)
+    }
+
+    fn pair(&mut self, capture: &Capture) -> Result<Option<[Image; 2]>, AppError> {
+        let pair = self.render(capture)?;
+        self.last = Some((*capture, pair.clone()));
+        Ok(Some(pair))
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

@@ -7,21 +7,28 @@ mod source;
 pub use noise::StereoNoise;
 pub use source::{Settings, Simulator};
 
-use elk_mission::{AppType, joined};
+use elk_mission::{AppType, ParamSpec, Params, joined};
 
-use crate::app::app;
-use crate::parameters::COMMON;
-use crate::surroundings;
+use crate::app::simulated;
+use crate::localised::{Estimating, LookSpacing};
+use crate::parameters::{DEAD_RECKONING, SIMULATED, drift};
+use crate::pose_estimator::DriftingOdometry;
+use crate::surroundings::{self, seed};
 
-const PARAMS: [elk_mission::ParamSpec; parameters::PARAMS.len() + surroundings::PARAMS.len()] =
-    joined(surroundings::PARAMS, parameters::PARAMS);
+const OWN: [ParamSpec; parameters::PARAMS.len() + 1] = joined(parameters::PARAMS, &[DEAD_RECKONING]);
+const PARAMS: [ParamSpec; OWN.len() + surroundings::PARAMS.len()] = joined(surroundings::PARAMS, &OWN);
 
 /// Its row in the table of sensors.
 pub const TYPE: AppType = AppType {
     element: "Sensor",
     name: "Simulator",
     summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
-    params: &joined::<{ PARAMS.len() + COMMON.len() }>(&PARAMS, COMMON),
-    build: |params| app(params, Box::new(parameters::simulator(params)?)),
+    params: &joined::<{ PARAMS.len() + SIMULATED.len() }>(&PARAMS, SIMULATED),
+    build: |params| simulated(params, Box::new(parameters::simulator(params)?), estimating(params)),
     preflight: Some(surroundings::preflight),
 };
+
+fn estimating(params: &Params) -> Option<Estimating> {
+    let odometry = || DriftingOdometry::new(drift(params, seed(params)));
+    (params.text("PoseEstimator") == "Odometry").then(|| Estimating::new(odometry(), LookSpacing::AT_THE_END))
+}

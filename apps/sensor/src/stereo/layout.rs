@@ -18,13 +18,16 @@ const PNG: &str = ".png";
 pub(super) const RIGHT: &str =
     "right is a folder of cam0 and cam1 with their YAMLs (EuRoC), or of image_0 and image_1 with calib.txt (KITTI)";
 
+/// The left and the right image, or why there are none.
+pub(super) type Images = Result<[PathBuf; 2], String>;
+
 /// A pair that a folder speaks of.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Listed {
     /// What people call it.
     pub name: String,
-    /// Its left and its right image, or why there are none.
-    pub images: Result<[PathBuf; 2], String>,
+    /// Its images.
+    pub images: Images,
     /// Its time (s), where it is recorded.
     pub secs: Option<f64>,
     /// Where what poses are recorded of was (world), or why that is not known.
@@ -76,20 +79,21 @@ fn euroc(folder: &Path, names: &BTreeSet<String>) -> Result<Folder, FolderError>
     let images = sides.map(|side| first_of([folder.join(side).join("data"), folder.join(side)]));
     let yamls =
         sides.map(|side| first_of([folder.join(side).join("sensor.yaml"), folder.join(format!("{side}.yaml"))]));
-    let text = |yaml: &PathBuf| single(yaml, LONGEST_CALIBRATION, |text| Ok(text.to_owned()));
-    let texts = [text(&yamls[0])?, text(&yamls[1])?];
-    let calibration_name = format!("{}, {}", yamls[0].display(), yamls[1].display());
-    let unfit = |error: elk_stereo::CalibrationError| FolderError::File {
-        file: calibration_name.clone().into(),
-        why: error.to_string(),
+    let camera = |yaml: &PathBuf| {
+        single(yaml, LONGEST_CALIBRATION, |text| {
+            let body_from_camera = calibration::euroc_body_from_camera(text).map_err(|error| error.to_string())?;
+            Ok((text.to_owned(), body_from_camera))
+        })
     };
-    let calibration = calibration::euroc(&texts[0], &texts[1]).map_err(unfit)?;
-    let posed_from_left = calibration::euroc_body_from_camera(&texts[0]).map_err(unfit)?;
+    let [(left, posed_from_left), (right, _)] = [camera(&yamls[0])?, camera(&yamls[1])?];
+    let calibration_name = format!("{}, {}", yamls[0].display(), yamls[1].display());
+    let unfit = |why: String| FolderError::File { file: calibration_name.clone().into(), why };
+    let calibration = calibration::euroc(&left, &right).map_err(|error| unfit(error.to_string()))?;
     let poses = match names.contains("state_groundtruth_estimate0") {
         true => Timed::read(&folder.join("state_groundtruth_estimate0/data.csv"), of_row_euroc)?,
         false => Timed::read(&folder.join("groundtruth.txt"), of_line)?,
     };
-    let listed = |stem: String, images: Result<[PathBuf; 2], String>| {
+    let listed = |stem: String, images: Images| {
         let secs = stem.parse::<u64>().map(|nanoseconds| nanoseconds as f64 * 1e-9);
         let untimed = || format!("{stem}{PNG}: its name is no time; nanoseconds, as EuRoC has them, would be right");
         let (images, pose) = match secs {
@@ -117,7 +121,7 @@ fn kitti(folder: &Path) -> Result<Folder, FolderError> {
         _ => None,
     };
     let mut last = f64::NEG_INFINITY;
-    let mut listed = |(stem, images): (String, Result<[PathBuf; 2], String>)| {
+    let mut listed = |(stem, images): (String, Images)| {
         let line = |what: &str| format!("{what} has no line for it: as many as there are pairs would be right");
         let number = stem.parse::<usize>().map_err(|_| format!("its name is no number; {stem:?} stands there"));
         let secs = match (&times, &number) {
@@ -154,7 +158,7 @@ fn not_empty(folder: &Path, found: Folder) -> Result<Folder, FolderError> {
 }
 
 /// The images of two folders that have one name, and those without a partner.
-fn pairs(sides: &[PathBuf; 2]) -> Result<Vec<(String, Result<[PathBuf; 2], String>)>, FolderError> {
+fn pairs(sides: &[PathBuf; 2]) -> Result<Vec<(String, Images)>, FolderError> {
     let names = [entries(&sides[0], RIGHT)?, entries(&sides[1], RIGHT)?];
     let mut stems: Vec<&str> = names[0].union(&names[1]).filter_map(|name| name.strip_suffix(PNG)).collect();
     // Numbers of different length, too, in their order.
@@ -174,7 +178,7 @@ fn pairs(sides: &[PathBuf; 2]) -> Result<Vec<(String, Result<[PathBuf; 2], Strin
 }
 
 /// Columns and rows of the first image that can be read.
-fn size(folder: &Path, pairs: &[(String, Result<[PathBuf; 2], String>)]) -> Result<[usize; 2], FolderError> {
+fn size(folder: &Path, pairs: &[(String, Images)]) -> Result<[usize; 2], FolderError> {
     let mut first = None;
     for (_, images) in pairs {
         match images.as_ref().map_err(Clone::clone).and_then(|[left, _]| images::read(left)) {

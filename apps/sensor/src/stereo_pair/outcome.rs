@@ -8,6 +8,8 @@ use super::reasons::Reasons;
 
 /// Parts of a pixel that a disparity of 1 has in a file, as in KITTI's.
 const PARTS: f32 = 256.0;
+/// Columns and rows of the plan.
+const PLAN: usize = 480;
 /// Columns between the two halves of the picture.
 const GAP: usize = 4;
 
@@ -86,6 +88,41 @@ impl Outcome {
             }));
         }
         encoded([2 * width + GAP, height], ColorType::Rgb, BitDepth::Eight, &bytes)
+    }
+
+    /// The points from above as a PNG, each with the grey level of its pixel, the cameras below in the middle, and a line every metre.
+    /// Of the points, the farthest hundredth is outside.
+    ///
+    /// # Errors
+    /// It cannot be encoded.
+    pub fn plan_png(&self) -> Result<Vec<u8>, EncodingError> {
+        let mut points: Vec<_> = self.rig.cloud(&self.disparity).collect();
+        points.sort_by(|one, other| one.2.z.total_cmp(&other.2.z));
+        let farthest = points.get(points.len() * 99 / 100).map_or(1.0, |(_, _, point)| point.z);
+        let per_metre = (PLAN - 1) as f64 / farthest;
+        let pixel = |x: f64, z: f64| {
+            let (column, row) = (PLAN as f64 / 2.0 + x * per_metre, (PLAN - 1) as f64 - z * per_metre);
+            let is_inside = (0.0..PLAN as f64).contains(&column) && (0.0..PLAN as f64).contains(&row);
+            is_inside.then(|| 3 * (row as usize * PLAN + column as usize))
+        };
+        let mut bytes = vec![255; 3 * PLAN * PLAN];
+        let middle = PLAN as f64 / 2.0 / per_metre;
+        for metre in 0..=(farthest as usize).min(PLAN) {
+            let steps = (0..PLAN).map(|i| i as f64 / per_metre);
+            let lines = steps.flat_map(|step| {
+                let (metre, across) = (metre as f64, step - middle);
+                [(across, metre), (metre, step), (-metre, step)]
+            });
+            lines.filter_map(|(x, z)| pixel(x, z)).for_each(|at| bytes[at..at + 3].copy_from_slice(&[200, 215, 235]));
+        }
+        // The nearest last, before the others.
+        for (row, column, point) in points.iter().rev() {
+            let grey = self.images[0].row(*row)[*column] / 2;
+            if let Some(at) = pixel(point.x, point.z) {
+                bytes[at..at + 3].copy_from_slice(&[grey, grey, grey + 40]);
+            }
+        }
+        encoded([PLAN, PLAN], ColorType::Rgb, BitDepth::Eight, &bytes)
     }
 
     /// The points as a PLY (binary, little endian), in the frame of the calibrated left camera (x right, y down, z forward; m), each
