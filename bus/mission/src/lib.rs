@@ -15,7 +15,7 @@
 //! | `health` | without a sign of life for so many seconds it is killed; `off`: it may be silent |
 //! | any other | a parameter, as if it were a child element |
 //!
-//! A Scenario has `name`, `type` (`auto` or `manual`), `version`, and, for its broker, which is always started again,
+//! A Scenario has `name`, `type` (`auto` or `manual`), `version`, `community`, `launch-pause`, and, for its broker, which is always started again,
 //! `broker-restarts`, `broker-window`, `mailbox` and `time-warp`; on an app they are an error. Its `<Bus moos="127.0.0.1:9000"/>` lets
 //! MOOS' own clients in (`from`, `sources`, `texts`: see `elk types`), and so do an app's `MOOSHost` and `MOOSPort`.
 //!
@@ -57,7 +57,7 @@ pub use describe::{describe, describe_params};
 pub use exchange::{Exchange, Exchanged};
 pub use kind::{Kind, ParamSpec, joined};
 pub use mission::MissionError;
-pub use moos::{MoosServer, is_moos_file};
+pub use moos::MoosServer;
 pub use name::is_app_name;
 pub use nearest::{instead, nearest};
 pub use outside_app::{OutsideApp, type_name};
@@ -67,7 +67,7 @@ pub use preflight::NotReady;
 pub use problem::{Location, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};
-pub use spec::{AppSpec, AppType, Mission, Mode, Preflight, PreflightReport, Program, Via};
+pub use spec::{AppSpec, AppType, Mission, Mode, Preflight, PreflightReport, Program, Via, is_moos_file};
 pub use value::{ValueError, expanded};
 
 #[cfg(doctest)]

@@ -120,11 +120,6 @@ pub(crate) fn check(besides: Option<&Path>, given: &[Given], app: &At, problems:
     }
 }
 
-/// Whether a file is one of MOOS', by its name.
-pub fn is_moos_file(file: &Path) -> bool {
-    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("moos"))
-}
-
 /// A `.moos` file, line by line.
 pub(crate) struct MoosFile<'a> {
     pub text: &'a str,

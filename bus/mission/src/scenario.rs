@@ -16,7 +16,7 @@ use crate::registry::Registry;
 use crate::setting::Override;
 use crate::spec::{AppSpec, Mission, Mode};
 use crate::xml::loose_text;
-use crate::{antler, moos, variables, wiring};
+use crate::{variables, wiring};
 
 /// The most apps of a mission: each is a process.
 const MOST_APPS: usize = 1000;
@@ -48,23 +48,8 @@ pub(crate) struct Scenario {
     pub notes: Vec<String>,
 }
 
-/// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
-pub(crate) fn check(
-    text: &str,
-    file: &Path,
-    registry: &Registry,
-    overrides: &[Override],
-    problems: &mut Findings,
-) -> Option<Mission> {
-    let scenario = match moos::is_moos_file(file) {
-        true => antler::read(text, file, problems),
-        false => read(text, file, registry, problems),
-    };
-    Some(scenario?.settled(text, file, registry, overrides, problems))
-}
-
-/// Reads XML.
-fn read(text: &str, file: &Path, registry: &Registry, problems: &mut Findings) -> Option<Scenario> {
+/// Reads the XML of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
+pub(crate) fn read(text: &str, file: &Path, registry: &Registry, problems: &mut Findings) -> Option<Scenario> {
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = match Document::parse_with_options(text, options) {
         Ok(document) => document,
@@ -89,7 +74,7 @@ fn read(text: &str, file: &Path, registry: &Registry, problems: &mut Findings) -
 
 impl Scenario {
     /// The mission that it is, as far as nothing is wrong with it.
-    fn settled(
+    pub fn settled(
         self,
         text: &str,
         file: &Path,

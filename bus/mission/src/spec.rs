@@ -14,7 +14,6 @@ use serde::{Deserialize, Serialize};
 use crate::element::CONTROLLER;
 use crate::executable::executable;
 use crate::kind::ParamSpec;
-use crate::moos;
 use crate::params::Params;
 use crate::policy::Policy;
 
@@ -138,6 +137,11 @@ pub enum Via {
     Moos(Option<PathBuf>),
 }
 
+/// Whether a file is one of MOOS', by its name.
+pub fn is_moos_file(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("moos"))
+}
+
 impl Via {
     /// Its word in missions and tables: `exec`, `pipe`, `moos`.
     pub fn word(&self) -> &'static str {
@@ -161,7 +165,7 @@ impl Via {
         match said {
             "true" => Ok(Self::Moos(None)),
             "false" => Ok(Self::Itself),
-            file if moos::is_moos_file(Path::new(file)) => Ok(Self::of_file(&folder.join(file))),
+            file if is_moos_file(Path::new(file)) => Ok(Self::of_file(&folder.join(file))),
             other => Err(format!("moos {other:?} is not offered; right is true, false or a .moos file")),
         }
     }
