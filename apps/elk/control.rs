@@ -107,7 +107,8 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
             bail!("{name} is said twice; once is enough");
         }
     }
-    for (word, _) in [("args", &args), ("moos", &moos)].iter().filter(|(_, said)| said.is_some() && exec.is_none()) {
+    let mut of_exec = [("args", args.is_some()), ("moos", moos.is_some())].into_iter();
+    if let Some((word, _)) = of_exec.find(|(_, is_said)| *is_said && exec.is_none()) {
         bail!("{word} without exec; right is both or neither");
     }
     if pipe.is_some() && exec.is_some() {
