@@ -211,6 +211,49 @@ for said in hear():
 }
 
 #[test]
+fn lists_of_numbers_go_both_ways_as_base64() {
+    if !python("pipe arrays") {
+        return;
+    }
+    let program = r#"
+import base64, struct
+say(arrays="base64")
+say(register="STEERING")
+say(ready=True)
+for line in hear():
+    if line.get("mail") == "STEERING":
+        value, wheels = line["value"], line["value"]["wheels"]
+        say(publish="TOLD", value=json.dumps([wheels["dtype"], wheels["shape"]]))
+        numbers = struct.unpack("<%df" % wheels["shape"][0], base64.b64decode(wheels["base64"]))
+        twice = struct.pack("<%df" % len(numbers), *[2 * one for one in numbers])
+        say(publish="STEERED", value=dict(value, wheels=dict(wheels, base64=base64.b64encode(twice).decode())))
+        say(publish="STEERED", value=dict(value, wheels=dict(wheels, dtype=">f4")))
+        say(arrays="json")
+    elif "refused" in line:
+        say(publish="TOLD", value=json.dumps(line["reason"]))
+"#;
+    let mut stage = Stage::python("pipe-arrays", &[], program);
+    let mut reader = stage.reader("reader", &["TOLD"]);
+    reader.comms.register(&STEERED).unwrap();
+    reader.comms.flush().unwrap();
+    stage.wait_for_app();
+    reader.comms.publish(&STEERING, &Steering { angle: 1.0, wheels: vec![0.1, -1.5e38, 7.0] }).unwrap();
+    reader.comms.flush().unwrap();
+    let (mut told, mut steered) = (Vec::new(), None);
+    hear(&mut reader, "the doubled steering, and a refusal", |mail| {
+        if mail.is(&STEERED) {
+            steered = Some(mail.decode(&STEERED).unwrap());
+        } else if mail.key() == "TOLD" {
+            told.push(serde_json::from_str::<Value>(mail.as_text().unwrap()).unwrap());
+        }
+        (told.len() == 2).then_some(())
+    });
+    assert_eq!(told[0], serde_json::json!(["<f4", [3]]));
+    assert_eq!(steered.unwrap(), Steering { angle: 1.0, wheels: vec![0.2, -3e38, 14.0] }, "to the bit");
+    assert!(told[1].as_str().unwrap().starts_with("wheels: its dtype has to be one of"), "{}", told[1]);
+}
+
+#[test]
 fn a_line_without_an_end_costs_no_memory_and_the_next_one_is_taken() {
     if !python("pipe long line") {
         return;

@@ -9,7 +9,7 @@ use elk_bus::Community;
 use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
 use elk_bus::moos::gateway::{Address, GatewayOptions, Network};
 use elk_bus::moos::text::Texts;
-use elk_mission::Override;
+use elk_mission::{Mission, Override};
 
 /// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
 /// community at all.
@@ -33,6 +33,9 @@ pub struct BrokerArgs {
     /// Mail that is kept for each client, and for one that died and is started again (MB)
     #[arg(long, value_name = "MB", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub mailbox: u32,
+    /// How many times as fast as the wall's the community's clock runs, as MOOSTimeWarp has it
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = time_warp)]
+    pub time_warp: f64,
     /// Let MOOS' own clients in as well, as a MOOSDB does: where they connect
     #[arg(long, value_name = "HOST:PORT")]
     pub moos: Option<Address>,
@@ -59,8 +62,8 @@ impl BrokerArgs {
 /// Which mission, and what to change in it.
 #[derive(Debug, Args)]
 pub struct MissionArgs {
-    /// The mission file, the name of a built-in one (`elk missions` lists them), or the folder of a run that is to be had
-    /// again
+    /// The mission file, MOOS' own (`.moos`, whose ANTLER block says what to launch) as well, the name of a built-in one (`elk
+    /// missions` lists them), or the folder of a run that is to be had again
     pub mission: PathBuf,
     /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) or `pipe` puts
     /// another program in its place; files from the working directory
@@ -99,9 +102,27 @@ pub struct LaunchArgs {
     /// Run everything in this one process, over a bus in memory
     #[arg(long)]
     pub in_process: bool,
-    /// Which community.
-    #[command(flatten)]
-    pub community: CommunityArgs,
+    /// The community's name, without it $ELK_COMMUNITY, or what the mission says; communities of one machine do not hear each
+    /// other
+    #[arg(long)]
+    pub community: Option<Community>,
+}
+
+impl LaunchArgs {
+    /// The community that a mission is launched in.
+    ///
+    /// # Errors
+    /// $ELK_COMMUNITY is no name for one.
+    pub fn community_of(&self, mission: &Mission) -> anyhow::Result<Community> {
+        let by_environment = || std::env::var(COMMUNITY).ok().map(Community::new).transpose();
+        match self.community.clone() {
+            Some(said) => Ok(said),
+            None => Ok(match by_environment()?.or_else(|| mission.community.clone()) {
+                Some(said) => said,
+                None => Community::new(USUAL_COMMUNITY)?,
+            }),
+        }
+    }
 }
 
 /// Which mission is to be picked up.
@@ -130,6 +151,11 @@ pub struct AppArgs {
     /// Its parameters
     #[arg(value_name = "PARAM=VALUE", value_parser = setting)]
     pub settings: Vec<(String, String)>,
+}
+
+fn time_warp(said: &str) -> Result<f64, String> {
+    let warp = said.parse::<f64>().ok().filter(|warp| (0.01..=400.0).contains(warp));
+    warp.ok_or_else(|| "right is a number from 0.01 to 400".to_owned())
 }
 
 /// `Param=Value`

@@ -21,10 +21,16 @@ use crate::view::Companion;
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
-    if arguments.detach && !arguments.background {
-        return launch_in_background(&arguments.community.community);
-    }
     let (mut mission, notes) = missions::load(&arguments.mission.mission, &arguments.mission.sets)?;
+    let community = arguments.community_of(&mission)?;
+    if arguments.detach && !arguments.background {
+        return launch_in_background(&community);
+    }
+    if arguments.community.is_none() && mission.community.as_ref() == Some(&community) {
+        tell(format_args!(
+            "its community is {community}, as the mission says: `elk apps --community {community}` shows who runs"
+        ));
+    }
     notes.into_iter().for_each(tell);
     if let Some(pace) = arguments.pace {
         set_pace(&mut mission, pace)?;
@@ -32,7 +38,7 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     let program = itself()?;
     let _companion = match arguments.view {
         true => {
-            let (companion, address) = Companion::start(&program, &arguments.community.community)?;
+            let (companion, address) = Companion::start(&program, &community)?;
             say(&format!("watch it at {address}\n"))?;
             Some(companion)
         }
@@ -41,7 +47,7 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     let options = LaunchOptions {
         program,
         revision: REVISION.to_owned(),
-        community: arguments.community.community,
+        community,
         log_dir: arguments.log_dir,
         headless: arguments.headless,
         auto: arguments.auto,
@@ -180,7 +186,7 @@ pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let moos = arguments.gateway().map(Listening::at).transpose()?;
     let standby = StandbyGuard::of_launcher();
     end_leftovers(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
-    let served = serve_broker_at(community, config, Clock::new(1.0), moos);
+    let served = serve_broker_at(community, config, Clock::new(arguments.time_warp), moos);
     // What is left is ended all the same.
     if let Some(standby) = standby {
         standby.take_over();

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use elk_bus::{Community, tell};
 use elk_launcher::{Answer, AppRow, Order, ask};
-use elk_mission::split_arguments;
+use elk_mission::{Via, split_arguments};
 use elk_outside::{text, time};
 use elk_scope::Table;
 use elk_scope::show::duration;
@@ -57,8 +57,9 @@ pub struct StartArgs {
 pub struct SwapArgs {
     /// Its name in the mission
     app: String,
-    /// `type=T` for another type, `exec=FILE` (and `args="…"`) for any other program, or `pipe="PROGRAM ARGS"` for one that
-    /// reads and writes lines, and parameters that are to change; the others stay as the mission set them
+    /// `type=T` for another type, `exec=FILE` (and `args="…"`; `moos=true` for one of MOOS') for any other program, or
+    /// `pipe="PROGRAM ARGS"` for one that reads and writes lines, and parameters that are to change; the others stay as the
+    /// mission set them
     #[arg(value_name = "type=T | exec=FILE | pipe=LINE | PARAM=VALUE", value_parser = setting)]
     changes: Vec<(String, String)>,
     /// How long the new one may take to be ready (s); after that, the old one goes on
@@ -88,13 +89,15 @@ pub fn start(arguments: StartArgs) -> Result<ExitCode> {
 /// `elk swap`
 pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
     let SwapArgs { app, changes, limit: limit_secs, community } = arguments;
-    let (mut type_name, mut exec, mut args, mut pipe, mut params) = (None, None, None, None, Vec::new());
+    let (mut type_name, mut exec, mut args, mut pipe, mut moos, mut params) =
+        (None, None, None, None, None, Vec::new());
     for (name, text) in changes {
         let place = match name.as_str() {
             "type" => &mut type_name,
             "exec" => &mut exec,
             "args" => &mut args,
             "pipe" => &mut pipe,
+            "moos" => &mut moos,
             _ => {
                 params.push((name, text));
                 continue;
@@ -104,14 +107,19 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
             bail!("{name} is said twice; once is enough");
         }
     }
-    if args.is_some() && exec.is_none() {
-        bail!("args without exec; right is both or neither");
+    let mut of_exec = [("args", args.is_some()), ("moos", moos.is_some())].into_iter();
+    if let Some((word, _)) = of_exec.find(|(_, is_said)| *is_said && exec.is_none()) {
+        bail!("{word} without exec; right is both or neither");
     }
     if pipe.is_some() && exec.is_some() {
         bail!("exec and pipe are both said; one is right");
     }
     let args = split_arguments(&args.unwrap_or_default()).map_err(|error| anyhow!("args: {error}"))?;
-    let piped = pipe.is_some();
+    let folder = std::env::current_dir().context("files are looked for from the working directory, and it is gone")?;
+    let via = match pipe {
+        Some(_) => Via::Lines,
+        None => Via::of_moos(moos.as_deref().unwrap_or("false"), &folder).map_err(|error| anyhow!(error))?,
+    };
     let exec = match pipe {
         None => exec.map(|exec| (exec, args)),
         Some(line) => {
@@ -120,8 +128,7 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
             Some((exec, words.collect()))
         }
     };
-    let folder = std::env::current_dir().context("files are looked for from the working directory, and it is gone")?;
-    let wanted = Order::Swap { app, type_name, exec, piped, params, folder, limit_secs };
+    let wanted = Order::Swap { app, type_name, exec, via, params, folder, limit_secs };
     order(&community.community, &wanted, time::duration(limit_secs))
 }
 

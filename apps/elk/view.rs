@@ -172,7 +172,7 @@ impl Steering for Hand {
             elk_view::Order::Start { app } => Order::Start { app, limit_secs },
             elk_view::Order::Swap { app, type_name, params } => {
                 let folder = std::env::current_dir().map_err(|error| error.to_string())?;
-                Order::Swap { app, type_name, exec: None, piped: false, params, folder, limit_secs }
+                Order::Swap { app, type_name, exec: None, via: elk_mission::Via::Itself, params, folder, limit_secs }
             }
         };
         match ask(&self.community, &order, PATIENCE, on_progress).map_err(|error| error.to_string())? {

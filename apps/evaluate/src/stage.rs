@@ -10,7 +10,7 @@ use elk_bus::clock::{monotonic_nanos, thread_cpu_secs};
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{App, BrokerConfig, Client, Clock, Community, Overheard, begin_app, take_turn, take_wake};
 use elk_geometry::OccupancyGrid;
-use elk_mission::{AppSpec, Mission, Program, element};
+use elk_mission::{AppSpec, Mission, Program, Via, element};
 use elk_pipe::{Errors, PipeApp};
 
 use crate::observer::Observer;
@@ -243,7 +243,7 @@ fn build(app: &AppSpec) -> Result<Box<dyn App>, String> {
         Program::Builtin(app_type, params) => {
             (app_type.build)(params).map_err(|error| format!("{}: {error}", app.name))
         }
-        Program::Foreign { exec, args, piped: true } => {
+        Program::Foreign { exec, args, via: Via::Lines } => {
             let mut command = Command::new(exec);
             command.args(args);
             let program = PipeApp::new(command, app.settings.clone(), Vec::new()).with_errors(Errors::Kept);

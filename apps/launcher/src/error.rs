@@ -24,6 +24,24 @@ pub enum LaunchError {
         /// Why.
         source: io::Error,
     },
+    /// What a program of MOOS' is to be told cannot be put into words for it.
+    #[error("{app} cannot be told by {}: {source}", .file.display())]
+    MoosFile {
+        /// The app.
+        app: String,
+        /// Its file.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// No port is free for clients of MOOS'.
+    #[error("no port of {address} is free for clients of MOOS': {source}; <Bus moos=\"HOST:PORT\"/> names one")]
+    NoPort {
+        /// Where one was looked for.
+        address: String,
+        /// Why.
+        source: io::Error,
+    },
     /// An app's parameter cannot be set to what this run needs.
     #[error(transparent)]
     Setting(#[from] elk_mission::Problems),
@@ -132,7 +150,7 @@ pub enum LaunchError {
     NoThread(String),
     /// Nobody comes into a process over the network.
     #[error(
-        "<Bus moos>, or MOOSHost and MOOSPort, let clients of MOOS' in: that takes a broker of its own, launch without --in-process"
+        "<Bus moos>, or MOOSHost and MOOSPort, let clients of MOOS' in, and moos=\"true\" starts one: that takes a broker of its own, launch without --in-process"
     )]
     NoSockets,
     /// An app runs but did not come to the bus.

@@ -116,10 +116,11 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedR
     }
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
-    let state = LaunchState::of(&mission, &folder, manual);
     if options.in_process && mission.moos.is_some() {
         return Err(LaunchError::NoSockets);
     }
+    settle_port(&mut mission)?;
+    let state = LaunchState::of(&mission, &folder, manual);
     let backend: Box<dyn Backend> = match options.in_process {
         true => Box::new(Threads::new(community, &mission)),
         false => {
@@ -133,6 +134,18 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedR
     let (headless, background) = (*headless, options.background);
     let launch = Launch { mission: &mission, program, community, folder: &folder, headless, background, stop };
     launch.carry_out(backend, server, state, Observer::new(&mission), |run| run.begin())
+}
+
+/// Chooses the port at which clients of MOOS' connect, if the mission does not.
+fn settle_port(mission: &mut Mission) -> Result<(), LaunchError> {
+    let Some(moos) = &mut mission.moos else { return Ok(()) };
+    let no_port = |source| LaunchError::NoPort { address: moos.address.host().to_owned(), source };
+    let settled = moos.address.settled().map_err(no_port)?;
+    if settled != moos.address {
+        put(&format!("  note: clients of MOOS' connect at {settled}\n"));
+        moos.address = settled;
+    }
+    Ok(())
 }
 
 /// Picks a mission up that was launched detached; from there on as [`launch`]. Its launcher is gone, or in the
@@ -217,6 +230,7 @@ impl Launch<'_> {
         let Self { mission, folder, .. } = self;
         let mut listener = Listener::start(backend.join(NAME), observer)?;
         let mut run = MissionRun {
+            mission,
             backend: &mut *backend,
             listener: &mut listener,
             server,

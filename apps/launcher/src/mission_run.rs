@@ -7,8 +7,10 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
+use elk_mission::Mission;
 use elk_mission::element::{self, ELEMENTS};
 use elk_mission::variables::LAUNCH_STATE;
+use elk_outside::time;
 use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
@@ -40,6 +42,7 @@ const LOOK: Duration = Duration::from_millis(100);
 
 /// One run of a mission, as its launcher sees it.
 pub(crate) struct MissionRun<'a> {
+    pub mission: &'a Mission,
     pub backend: &'a mut dyn Backend,
     pub listener: &'a mut Listener,
     pub server: Option<Server>,
@@ -73,7 +76,10 @@ impl MissionRun<'_> {
         self.join("at once")?;
         let ranks: BTreeSet<u8> = ELEMENTS.iter().map(|element| element.start_rank).collect();
         let is_of = |element: &str, rank| element::named(element).is_some_and(|element| element.start_rank == rank);
-        ranks.into_iter().try_for_each(|rank| self.start(&|element| is_of(element, rank)))
+        let is_paced = self.mission.launch_pause_secs > 0.0;
+        let at_once = |element: &str| !(is_paced && element == element::APP);
+        ranks.into_iter().try_for_each(|rank| self.start(&|element, _| is_of(element, rank) && at_once(element)))?;
+        self.start_paced()
     }
 
     /// Waits until the launcher itself is on the bus.
@@ -91,8 +97,21 @@ impl MissionRun<'_> {
         Ok(())
     }
 
-    fn start(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
+    fn start(&mut self, which: &dyn Fn(&str, &str) -> bool) -> Result<(), LaunchError> {
         self.backend.start_apps(which)?;
+        self.gather("before it registered")
+    }
+
+    /// Starts the apps that wait for each other, in their order.
+    fn start_paced(&mut self) -> Result<(), LaunchError> {
+        let (mission, pause) = (self.mission, self.mission.launch_pause_secs);
+        for (count, app) in mission.of_element(element::APP).filter(|_| pause > 0.0).enumerate() {
+            let clock = Stopwatch::start();
+            while count > 0 && clock.elapsed() < time::duration(pause) {
+                self.look("before it registered")?;
+            }
+            self.backend.start_apps(&|_, name| name == app.name)?;
+        }
         self.gather("before it registered")
     }
 
@@ -120,6 +139,9 @@ impl MissionRun<'_> {
             let words = "Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.";
             self.display.put(words);
         }
+        if !self.mission.explores() {
+            return self.accompany();
+        }
         let mut movement = Movement { last: None, since: Stopwatch::start() };
         while !self.listener.observer().finished() {
             self.look("before the mission was over")?;
@@ -129,6 +151,14 @@ impl MissionRun<'_> {
         self.evaluate_map()?;
         // Whoever died in the last moment has yet to do what it does at the end.
         self.gather("before the mission was over")
+    }
+
+    /// Waits until all apps of a mission that does not explore have ended of their own accord.
+    fn accompany(&mut self) -> Result<(), LaunchError> {
+        while !self.backend.all_over() {
+            self.look("before the mission was over")?;
+        }
+        Ok(())
     }
 
     /// A mission that has begun and in which nothing moves any more is stuck, unless somebody holds it: who has paused it

@@ -75,7 +75,10 @@ impl Live {
 
     fn process(&self, app: &AppSpec) -> Result<Process, String> {
         // Only elk's own apps are run by elk's own program.
-        let command = app.command(Path::new("elk"), self.meeting.place().community());
+        if app.is_moos() {
+            return Err("it is a client of MOOS', for whom a replay has no port; right is a mission without it".into());
+        }
+        let command = app.command(Path::new("elk"), self.meeting.place().community(), &self.folder);
         Process::start(command, &self.folder.join(format!("{}.log", app.name)))
     }
 

@@ -62,6 +62,14 @@ pub(crate) struct Said {
     texts: Texts,
 }
 
+impl Said {
+    /// That clients of this machine may connect there.
+    pub fn at(at: At, address: Address) -> Self {
+        let (networks, any_source, texts) = (Vec::new(), false, Texts::default());
+        Self { at, address: Some(address), says_where: true, networks, any_source, texts }
+    }
+}
+
 /// What the element says; what is wrong with it goes to `problems`.
 pub(crate) fn read(node: Node, problems: &mut Findings) -> Said {
     loose_text(node, problems);
@@ -99,8 +107,14 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Said {
     Said { at, address, says_where, networks, any_source, texts }
 }
 
-/// Where clients of MOOS' may connect, and which: as `<Bus>` says, or as elk's apps are told, whom it is no parameter.
+/// Where clients of MOOS' of the mission itself connect if nobody says where: whoever starts it chooses the port, so that no
+/// mission is in another one's way.
+const ANYWHERE: &str = "127.0.0.1:0";
+
+/// Where clients of MOOS' may connect, and which: as `<Bus>` says, or as elk's apps are told, whom it is no parameter; if some
+/// are the mission's own, anywhere on this machine.
 pub(crate) fn gateway(bus: Option<Said>, drafts: &mut [Draft], problems: &mut Findings) -> Option<GatewayOptions> {
+    let has_clients = drafts.iter().any(Draft::is_moos);
     let [host, port] = [HOST, PORT].map(|(param, _)| of_apps(param, drafts, problems));
     let to_apps = match (&host, &port) {
         (None, None) => None,
@@ -112,13 +126,14 @@ pub(crate) fn gateway(bus: Option<Said>, drafts: &mut [Draft], problems: &mut Fi
             said.map_err(|error| problems.add(&first.value_at, format!("{} and {}: {error}", HOST.0, PORT.0))).ok()
         }
     };
+    let to_apps = to_apps.or_else(|| ANYWHERE.parse().ok().filter(|_| has_clients));
     let Some(bus) = bus else { return to_apps.map(GatewayOptions::new) };
     match &bus.address {
         Some(address) => {
             differs(HOST.0, host.as_ref(), address.host(), problems);
             differs(PORT.0, port.as_ref(), address.port(), problems);
         }
-        None if !bus.says_where && host.is_none() && port.is_none() => {
+        None if !bus.says_where && to_apps.is_none() => {
             problems.add(&bus.at, format!("<{BUS}> says nothing of moos; right is moos=\"127.0.0.1:9000\""));
         }
         None => {}

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::bus::OF_BUS;
 use crate::kind::ParamSpec;
-use crate::policy::{Attribute, OF_APP, OF_BROKER};
+use crate::policy::{Attribute, OF_APP, OF_BROKER, OF_LAUNCH};
 use crate::registry::Registry;
 use crate::spec::AppType;
 
@@ -20,6 +20,8 @@ fn describe_attributes() -> String {
     describe_policy(&mut text, &OF_APP);
     text += "\nAttributes of the Scenario: what its broker keeps, and what happens when it dies.\n";
     describe_policy(&mut text, &OF_BROKER);
+    text += "\nAttributes of the Scenario: where it is launched, and how fast.\n";
+    describe_policy(&mut text, &OF_LAUNCH);
     text += "\nAttributes of <Bus>: who may come to the broker beside the mission's apps.\n";
     describe_policy(&mut text, &OF_BUS);
     text

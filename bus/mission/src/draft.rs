@@ -8,6 +8,7 @@ use crate::arguments::split_arguments;
 use crate::element::{self, ELEMENTS};
 use crate::executable;
 use crate::kind::ParamSpec;
+use crate::moos;
 use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
@@ -16,7 +17,7 @@ use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
 use crate::setting::Override;
-use crate::spec::{AppSpec, AppType, Program};
+use crate::spec::{AppSpec, AppType, Program, Via};
 use crate::xml::{loose_text, own_text, value_at};
 
 /// The type of an element that is supposed, for a mission without one: it is not recorded.
@@ -49,7 +50,7 @@ enum Runs {
     Foreign {
         exec: String,
         args: Vec<String>,
-        piped: bool,
+        via: Via,
     },
     /// `<Logger type="none"/>`
     Nothing,
@@ -73,12 +74,39 @@ impl Draft {
         for attribute in node.attributes() {
             draft.read_attribute(context, attribute, problems);
         }
+        draft.name_as_moos_does(problems);
         draft.check_policy(node, problems);
         loose_text(node, problems);
         for child in node.children().filter(Node::is_element) {
             draft.read_parameter(context, child, problems);
         }
         draft
+    }
+
+    /// A program of MOOS' is called as its executable is, unless somebody names it.
+    fn name_as_moos_does(&mut self, problems: &mut Findings) {
+        let (None, Runs::Foreign { exec, via: Via::Moos(_), .. }) = (&self.named, &self.runs) else { return };
+        let name = exec.rsplit('/').next().unwrap_or(exec);
+        match is_app_name(name) {
+            true => self.named = Some((name.to_owned(), self.at.clone())),
+            false => {
+                let said = format!("{name:?} is no name for an app; right is name=\"…\" of {}", right_app_names());
+                problems.add(&self.at, said);
+            }
+        }
+    }
+
+    /// A program that pAntler would start under this name; it is started again if it fails.
+    pub fn of_program(name: &str, at: At, exec: String, args: Vec<String>, via: Via) -> Self {
+        Self {
+            element: element::APP.to_owned(),
+            named: Some((name.to_owned(), at.clone())),
+            at,
+            given: Vec::new(),
+            runs: Runs::Foreign { exec, args, via },
+            exchanged: false,
+            policy: Said::AGAIN,
+        }
     }
 
     /// An app of a mission that runs: its defaults are said, too, for nobody can change them any more. Whatever is said
@@ -88,8 +116,8 @@ impl Draft {
         let given = |(name, text): &(String, String)| Given::new(name, text, at.clone(), at.clone(), "".as_ref());
         let runs = match &app.program {
             Program::Builtin(app_type, _) => Runs::Builtin(app_type),
-            Program::Foreign { exec, args, piped } => {
-                Runs::Foreign { exec: exec.to_string_lossy().into_owned(), args: args.clone(), piped: *piped }
+            Program::Foreign { exec, args, via } => {
+                Runs::Foreign { exec: exec.to_string_lossy().into_owned(), args: args.clone(), via: via.clone() }
             }
         };
         Self {
@@ -111,7 +139,7 @@ impl Draft {
             value.unwrap_or_else(|| self.at.clone())
         };
         if let Some(line) = node.attribute("pipe") {
-            for other in ["type", "exec", "args"].into_iter().filter(|one| node.has_attribute(*one)) {
+            for other in ["type", "exec", "args", "moos"].into_iter().filter(|one| node.has_attribute(*one)) {
                 problems.add(&value_at(other), format!("{other} and pipe are both said; one is right"));
             }
             return piped(line).map_or_else(
@@ -119,7 +147,7 @@ impl Draft {
                     problems.add(&value_at("pipe"), error);
                     Runs::Unknown
                 },
-                |(exec, args)| Runs::Foreign { exec: executable(context, &exec), args, piped: true },
+                |(exec, args)| Runs::Foreign { exec: executable(context, &exec), args, via: Via::Lines },
             );
         }
         match (node.attribute("type").map(str::trim), node.attribute("exec").map(str::trim)) {
@@ -133,17 +161,23 @@ impl Draft {
             }
             (None, Some(exec)) => {
                 let exec = executable(context, exec);
-                match split_arguments(node.attribute("args").unwrap_or_default()) {
-                    Ok(args) => Runs::Foreign { exec, args, piped: false },
-                    Err(error) => {
+                let args = split_arguments(node.attribute("args").unwrap_or_default());
+                let via = Via::of_moos(node.attribute("moos").map_or("false", str::trim), context.folder);
+                match (args, via) {
+                    (Ok(args), Ok(via)) => Runs::Foreign { exec, args, via },
+                    (Err(error), _) => {
                         problems.add(&value_at("args"), format!("args: {error}"));
+                        Runs::Unknown
+                    }
+                    (_, Err(error)) => {
+                        problems.add(&value_at("moos"), error);
                         Runs::Unknown
                     }
                 }
             }
             (Some(name), None) => {
-                if node.has_attribute("args") {
-                    problems.add(&value_at("args"), "args without exec; right is both or neither");
+                for other in ["args", "moos"].into_iter().filter(|one| node.has_attribute(*one)) {
+                    problems.add(&value_at(other), format!("{other} without exec; right is both or neither"));
                 }
                 self.type_called(name, &value_at("type"), context.registry, problems)
             }
@@ -197,7 +231,7 @@ impl Draft {
         let value_at = At::Byte(attribute.range_value().start);
         let value = attribute.value().trim();
         match attribute.name() {
-            "type" | "exec" | "args" | "pipe" => {}
+            "type" | "exec" | "args" | "pipe" | "moos" => {}
             "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_at)),
             "name" => {
                 problems.add(&value_at, format!("{value:?} is no name for an app; right are {}", right_app_names()))
@@ -266,6 +300,11 @@ impl Draft {
             Runs::Foreign { .. } => true,
             Runs::Nothing | Runs::Unknown => false,
         }
+    }
+
+    /// Whether it comes as a client of MOOS'.
+    pub fn is_moos(&self) -> bool {
+        matches!(self.runs, Runs::Foreign { via: Via::Moos(_), .. })
     }
 
     /// Whether it is one of the registry's types.
@@ -359,17 +398,26 @@ impl Draft {
             }
             "type" => self.become_type(&said.text, &at, registry, problems),
             "exec" => match found(&said.text) {
-                Ok(exec) => self.runs = Runs::Foreign { exec, args: Vec::new(), piped: false },
+                Ok(exec) => self.runs = Runs::Foreign { exec, args: Vec::new(), via: Via::Itself },
                 Err(message) => problems.add(&at, message),
             },
             "pipe" => match piped(&said.text).and_then(|(exec, args)| Ok((found(&exec)?, args))) {
-                Ok((exec, args)) => self.runs = Runs::Foreign { exec, args, piped: true },
+                Ok((exec, args)) => self.runs = Runs::Foreign { exec, args, via: Via::Lines },
                 Err(message) => problems.add(&at, message),
             },
             "args" => match (&mut self.runs, split_arguments(&said.text)) {
-                (Runs::Foreign { args, piped: false, .. }, Ok(said)) => *args = said,
-                (Runs::Foreign { piped: false, .. }, Err(error)) => problems.add(&at, format!("args: {error}")),
-                _ => problems.add(&at, "args without exec; right is both or neither"),
+                (Runs::Foreign { via: Via::Lines, .. }, _) | (Runs::Builtin(_) | Runs::Nothing | Runs::Unknown, _) => {
+                    problems.add(&at, "args without exec; right is both or neither");
+                }
+                (Runs::Foreign { args, .. }, Ok(said)) => *args = said,
+                (_, Err(error)) => problems.add(&at, format!("args: {error}")),
+            },
+            "moos" => match (&mut self.runs, Via::of_moos(&said.text, Path::new(""))) {
+                (Runs::Foreign { via: Via::Lines, .. }, _) | (Runs::Builtin(_) | Runs::Nothing | Runs::Unknown, _) => {
+                    problems.add(&at, "moos without exec; right is both or neither");
+                }
+                (Runs::Foreign { via, .. }, Ok(said)) => *via = said,
+                (_, Err(error)) => problems.add(&at, error),
             },
             _ => self.set(said, at),
         }
@@ -404,11 +452,14 @@ impl Draft {
                 let resolved = resolve(&table, self.given, &self.at, problems);
                 (Program::Builtin(app_type, resolved.params), resolved.settings, resolved.said)
             }
-            Runs::Foreign { exec, args, piped } => {
+            Runs::Foreign { exec, args, via } => {
+                if let Via::Moos(file) = &via {
+                    moos::check(file.as_deref(), &self.given, &self.at, problems);
+                }
                 let said = self.given.iter().map(|given| given.name.clone()).collect();
                 let settings = self.given.into_iter().map(|given| (given.name, given.text));
                 let exec = exec.into();
-                (Program::Foreign { exec, args, piped }, settings.collect(), said)
+                (Program::Foreign { exec, args, via }, settings.collect(), said)
             }
         };
         Some(AppSpec { name, element: self.element, program, policy, said, settings })

@@ -8,7 +8,7 @@ use crate::arguments::join_arguments;
 use crate::bus::BUS;
 use crate::element::{self, ELEMENTS};
 use crate::policy::{self, Policy, Restart};
-use crate::spec::{AppSpec, Mission, Mode, Program};
+use crate::spec::{AppSpec, Mission, Mode, Program, Via};
 
 impl Mission {
     /// The mission as XML that means the same in any folder and under other defaults. Parameters of which `omit` says so
@@ -21,9 +21,11 @@ impl Mission {
         let Policy { restarts, window_secs, .. } = self.broker;
         let mut text = format!(
             "<Scenario name=\"{}\" type=\"{mode}\" version=\"1\" broker-restarts=\"{restarts}\" \
-             broker-window=\"{window_secs}\" mailbox=\"{}\">\n",
+             broker-window=\"{window_secs}\" mailbox=\"{}\" time-warp=\"{}\"{}>\n",
             escaped(&self.name),
-            self.mailbox_mb
+            self.mailbox_mb,
+            self.time_warp,
+            self.launched()
         );
         if let Some(moos) = &self.moos {
             put_bus(&mut text, moos);
@@ -37,6 +39,16 @@ impl Mission {
             }
         }
         text + "</Scenario>\n"
+    }
+}
+
+impl Mission {
+    /// Where it is launched, and how fast, if that is not as usual.
+    fn launched(&self) -> String {
+        let community = self.community.as_ref().map(|name| format!(" community=\"{name}\"")).unwrap_or_default();
+        let pause = self.launch_pause_secs;
+        let pause = if pause > 0.0 { format!(" {}=\"{pause}\"", policy::LAUNCH_PAUSE) } else { String::new() };
+        community + &pause
     }
 }
 
@@ -66,18 +78,23 @@ fn put_app(text: &mut String, app: &AppSpec, omit: &dyn Fn(&AppSpec, &str) -> bo
 fn program(program: &Program) -> String {
     match program {
         Program::Builtin(app_type, _) => format!(" type=\"{}\"", app_type.name),
-        Program::Foreign { exec, args, piped } => {
+        Program::Foreign { exec, args, via } => {
             let path = exec.to_string_lossy();
             // A bare name is looked for in `PATH`.
             let exec = if path.contains('/') { std::path::absolute(exec).ok() } else { None };
             let exec = exec.map_or(path.clone(), |exec| exec.to_string_lossy().into_owned().into());
-            if *piped {
+            if *via == Via::Lines {
                 let line = join_arguments(&[&[exec.into_owned()], &args[..]].concat());
                 return format!(" pipe=\"{}\"", escaped(&line));
             }
             let args =
                 if args.is_empty() { String::new() } else { format!(" args=\"{}\"", escaped(&join_arguments(args))) };
-            format!(" exec=\"{}\"{args}", escaped(&exec))
+            let moos = match via {
+                Via::Itself | Via::Lines => String::new(),
+                Via::Moos(None) => " moos=\"true\"".to_owned(),
+                Via::Moos(Some(file)) => format!(" moos=\"{}\"", escaped(&file.to_string_lossy())),
+            };
+            format!(" exec=\"{}\"{args}{moos}", escaped(&exec))
         }
     }
 }

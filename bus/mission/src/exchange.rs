@@ -8,8 +8,8 @@ use crate::nearest::instead;
 use crate::problem::{At, Findings, Problems};
 use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
-use crate::spec::{AppSpec, AppType, Program};
-use crate::{variables, wiring};
+use crate::spec::{AppSpec, AppType, Program, Via};
+use crate::{moos, variables, wiring};
 
 /// What is to be different about an app: `type=T`, `exec=FILE` or `pipe="PROGRAM ARGS"`, and parameters.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -18,8 +18,8 @@ pub struct Exchange {
     pub type_name: Option<String>,
     /// Any executable instead, and its arguments.
     pub exec: Option<(String, Vec<String>)>,
-    /// That executable reads and writes lines.
-    pub piped: bool,
+    /// How that executable comes to the bus.
+    pub via: Via,
     /// Parameters that are said anew.
     pub params: Vec<(String, String)>,
     /// Where relative files and executables are looked for.
@@ -58,7 +58,7 @@ impl AppSpec {
         let mut problems = Findings::default();
         let exchanged = match self.what_runs(wanted, registry, &mut problems) {
             Some(Program::Builtin(app_type, _)) => Some(self.as_type(app_type, wanted, &mut problems)),
-            Some(program @ Program::Foreign { .. }) => Some(self.as_executable(program, wanted)),
+            Some(program @ Program::Foreign { .. }) => Some(self.as_executable(program, wanted, &mut problems)),
             None => None,
         };
         match exchanged {
@@ -87,7 +87,7 @@ impl AppSpec {
 
     /// The program of the new one; a built-in one's parameters are yet to be resolved.
     fn what_runs(&self, wanted: &Exchange, registry: &Registry, problems: &mut Findings) -> Option<Program> {
-        let word = if wanted.piped { "pipe" } else { "exec" };
+        let word = if wanted.via == Via::Lines { "pipe" } else { "exec" };
         match (&wanted.type_name, &wanted.exec) {
             (Some(_), Some((exec, _))) => {
                 let at = At::CommandLine(format!("{word}={exec}"));
@@ -109,7 +109,7 @@ impl AppSpec {
                 let found = executable(exec, &wanted.folder);
                 let at = At::CommandLine(format!("{word}={exec}"));
                 let exec = found.map_err(|message| problems.add(&at, message)).ok()?;
-                Some(Program::Foreign { exec, args: args.clone(), piped: wanted.piped })
+                Some(Program::Foreign { exec, args: args.clone(), via: wanted.via.clone() })
             }
         }
     }
@@ -135,8 +135,16 @@ impl AppSpec {
         Exchanged { app, dropped: lost.iter().map(|(name, text)| format!("{name}={text}")).collect() }
     }
 
-    fn as_executable(&self, program: Program, wanted: &Exchange) -> Exchanged {
+    fn as_executable(&self, program: Program, wanted: &Exchange, problems: &mut Findings) -> Exchanged {
         let settings: Vec<_> = self.kept(wanted).chain(&wanted.params).cloned().collect();
+        if let Program::Foreign { via: Via::Moos(file), .. } = &program {
+            let given = |(name, text): &(String, String)| {
+                let said = At::CommandLine(format!("{name}={text}"));
+                Given::new(name, text, said.clone(), said, &wanted.folder)
+            };
+            let at = At::CommandLine("moos".to_owned());
+            moos::check(file.as_deref(), &settings.iter().map(given).collect::<Vec<_>>(), &at, problems);
+        }
         let said = settings.iter().map(|(name, _)| name.clone()).collect();
         Exchanged { app: Self { program, settings, said, ..self.clone() }, dropped: Vec::new() }
     }

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use elk_outside::file;
 
+use crate::antler;
 use crate::problem::{Findings, Problems};
 use crate::registry::Registry;
 use crate::scenario;
 use crate::setting::Override;
 use crate::source;
-use crate::spec::Mission;
+use crate::spec::{Mission, is_moos_file};
 
 /// Why there is no mission.
 #[derive(Debug, thiserror::Error)]
@@ -68,8 +69,11 @@ impl Mission {
     /// Everything that is wrong with it.
     pub fn parse(text: &str, file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, Problems> {
         let mut problems = Findings::default();
-        let mission = scenario::check(text, file, registry, overrides, &mut problems);
-        match mission {
+        let said = match is_moos_file(file) {
+            true => antler::read(text, file, &mut problems),
+            false => scenario::read(text, file, registry, &mut problems),
+        };
+        match said.map(|said| said.settled(text, file, registry, overrides, &mut problems)) {
             Some(mission) if problems.is_empty() => Ok(mission),
             _ => Err(problems.located(file, text)),
         }

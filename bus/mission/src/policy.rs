@@ -59,6 +59,31 @@ pub(crate) struct Attribute {
     pub doc: &'static str,
 }
 
+/// The Scenario's attribute that says how long the start of an `<App>` waits for the one before.
+pub(crate) const LAUNCH_PAUSE: &str = "launch-pause";
+const PAUSE: Kind = Kind::Number { unit: "s", min: 0.0, max: 60.0 };
+
+/// The attributes of a Scenario that say how its apps come to be there.
+pub(crate) const OF_LAUNCH: [Attribute; 2] = [
+    Attribute {
+        name: "community",
+        kind: Kind::Text,
+        default: "elk",
+        doc: "The community that it is launched in, if neither --community nor $ELK_COMMUNITY says another.",
+    },
+    Attribute {
+        name: LAUNCH_PAUSE,
+        kind: PAUSE,
+        default: "0",
+        doc: "How long each <App> waits for the one before it to be started, as MSBetweenLaunches has it.",
+    },
+];
+
+/// What [`LAUNCH_PAUSE`] says (s).
+pub(crate) fn launch_pause(value: &str) -> Result<f64, ValueError> {
+    number(PAUSE, value, 0.0)
+}
+
 /// The words of `restart`.
 const RESTART: [(&str, Restart); 3] =
     [("never", Restart::Never), ("on-failure", Restart::OnFailure), ("always", Restart::Always)];
@@ -66,6 +91,8 @@ const RESTART: [(&str, Restart); 3] =
 pub(crate) const OFF: &str = "off";
 
 const COUNT: Kind = Kind::Integer { min: 1, max: 1_000_000 };
+/// As fast as MOOS' clients can go.
+const WARP: Kind = Kind::Number { unit: "", min: 0.01, max: 400.0 };
 const MAILBOX: Kind = Kind::Integer { min: 1, max: 1024 };
 const SPAN: Kind = Kind::Number { unit: "s", min: 1.0, max: 86_400.0 };
 
@@ -93,7 +120,7 @@ pub(crate) const OF_APP: [Attribute; 4] = [
 ];
 
 /// The attributes of a Scenario that make up its broker's policy.
-pub(crate) const OF_BROKER: [Attribute; 3] = [
+pub(crate) const OF_BROKER: [Attribute; 4] = [
     Attribute {
         name: "broker-restarts",
         kind: COUNT,
@@ -106,6 +133,12 @@ pub(crate) const OF_BROKER: [Attribute; 3] = [
         kind: MAILBOX,
         default: "4",
         doc: "Mail that the broker keeps for each client, and for one that died and is started again.",
+    },
+    Attribute {
+        name: "time-warp",
+        kind: WARP,
+        default: "1",
+        doc: "How many times as fast as the wall's the community's clock runs, as MOOSTimeWarp has it.",
     },
 ];
 
@@ -125,9 +158,14 @@ pub(crate) struct SaidOfBroker {
     restarts: Option<u32>,
     window_secs: Option<f64>,
     mailbox_mb: Option<u32>,
+    time_warp: Option<f64>,
 }
 
 impl Said {
+    /// Nothing but that the app is started again if it fails.
+    pub const AGAIN: Self =
+        Self { restart: Some(Restart::OnFailure), restarts: None, window_secs: None, health_secs: None };
+
     /// Takes an attribute of an app's element; `None`: it is none of a policy.
     pub fn take(&mut self, name: &str, value: &str) -> Option<Result<(), ValueError>> {
         match name {
@@ -174,6 +212,7 @@ impl SaidOfBroker {
             "broker-restarts" => Some(count(value).map(|count| self.restarts = Some(count))),
             "broker-window" => Some(span(value).map(|secs| self.window_secs = Some(secs))),
             "mailbox" => Some(integer(MAILBOX, value, MAILBOX_MB).map(|mb| self.mailbox_mb = Some(mb))),
+            "time-warp" => Some(number(WARP, value, 1.0).map(|warp| self.time_warp = Some(warp))),
             _ => None,
         }
     }
@@ -188,6 +227,11 @@ impl SaidOfBroker {
     /// Mail that the broker keeps for each client (MB).
     pub fn mailbox_mb(&self) -> u32 {
         self.mailbox_mb.unwrap_or(MAILBOX_MB)
+    }
+
+    /// How many times as fast as the wall's its clock runs.
+    pub fn time_warp(&self) -> f64 {
+        self.time_warp.unwrap_or(1.0)
     }
 }
 
@@ -222,9 +266,13 @@ fn integer(kind: Kind, value: &str, default: u32) -> Result<u32, ValueError> {
 }
 
 fn span(value: &str) -> Result<f64, ValueError> {
-    match SPAN.parse(value, Path::new(""))? {
-        ParamValue::Number(secs) => Ok(secs),
-        _ => Ok(Policy::default().window_secs),
+    number(SPAN, value, Policy::default().window_secs)
+}
+
+fn number(kind: Kind, value: &str, default: f64) -> Result<f64, ValueError> {
+    match kind.parse(value, Path::new(""))? {
+        ParamValue::Number(number) => Ok(number),
+        _ => Ok(default),
     }
 }
 

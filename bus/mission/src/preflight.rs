@@ -20,7 +20,7 @@ impl Mission {
     /// # Errors
     /// Everything that keeps it from running.
     pub fn preflight(&self) -> Result<Vec<String>, NotReady> {
-        let (mut faults, mut warnings) = (Vec::new(), Vec::new());
+        let (mut faults, mut warnings) = (Vec::new(), self.notes.clone());
         for app in &self.apps {
             let found = self.look_at(app);
             let named = |what: String| format!("{}: {what}", app.name);

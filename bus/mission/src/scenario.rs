@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use elk_bus::Community;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::bus::{self, BUS};
@@ -30,14 +31,25 @@ const RECORDING: &str = "Recording";
 /// A controller that has it plays recordings.
 const RATE: &str = "Rate";
 
-/// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
-pub(crate) fn check(
-    text: &str,
-    file: &Path,
-    registry: &Registry,
-    overrides: &[Override],
-    problems: &mut Findings,
-) -> Option<Mission> {
+/// A mission as a file says it, before its apps are held against their types.
+pub(crate) struct Scenario {
+    /// Where it stands.
+    pub at: At,
+    pub name: String,
+    pub mode: Mode,
+    pub broker: SaidOfBroker,
+    /// The community that it is launched in, unless somebody says another.
+    pub community: Option<Community>,
+    /// How long the start of an app that may end of its own accord waits for the one before (s).
+    pub launch_pause_secs: f64,
+    pub drafts: Vec<Draft>,
+    pub bus: Option<bus::Said>,
+    /// What of the file is not as it says.
+    pub notes: Vec<String>,
+}
+
+/// Reads the XML of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
+pub(crate) fn read(text: &str, file: &Path, registry: &Registry, problems: &mut Findings) -> Option<Scenario> {
     if let Some((at, what)) = crowded(text) {
         problems.add(&At::Byte(at.saturating_sub(1)), what);
         return None;
@@ -59,20 +71,48 @@ pub(crate) fn check(
         problems.add(&at, format!("the mission is a <{found}>; right is <Scenario>"));
         return None;
     }
-    let (name, said_mode, broker) = head(scenario, file, problems);
-    let (mut drafts, bus) = drafts(&context, scenario, problems);
-    count(&drafts, &at, problems);
-    draft::suppose_elements(&mut drafts, registry, &at);
-    names(&mut drafts, problems);
-    apply(overrides, &mut drafts, registry, problems);
-    let moos = bus::gateway(bus, &mut drafts, problems);
-    wiring::connect(&mut drafts, problems);
-    variables::check(&drafts, problems);
-    let mode = wiring::manual(&drafts).unwrap_or(said_mode);
-    let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
-    let (file, bytes) = (file.to_owned(), text.as_bytes().to_vec());
-    let (broker, mailbox_mb) = (broker.policy(), broker.mailbox_mb());
-    Some(Mission { name, file, bytes, mode, broker, mailbox_mb, moos, apps })
+    let mut said = head(scenario, at, file, problems);
+    (said.drafts, said.bus) = drafts(&context, scenario, problems);
+    Some(said)
+}
+
+impl Scenario {
+    /// The mission that it is, as far as nothing is wrong with it.
+    pub fn settled(
+        self,
+        text: &str,
+        file: &Path,
+        registry: &Registry,
+        overrides: &[Override],
+        problems: &mut Findings,
+    ) -> Mission {
+        let Self { at, name, mode, broker, community, launch_pause_secs, mut drafts, bus, notes } = self;
+        count(&drafts, &at, problems);
+        draft::suppose_elements(&mut drafts, registry, &at);
+        names(&mut drafts, problems);
+        apply(overrides, &mut drafts, registry, problems);
+        let moos = bus::gateway(bus, &mut drafts, problems);
+        wiring::connect(&mut drafts, problems);
+        variables::check(&drafts, problems);
+        let mode = wiring::manual(&drafts).unwrap_or(mode);
+        let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
+        let (file, bytes) = (file.to_owned(), text.as_bytes().to_vec());
+        let (broker, mailbox_mb, time_warp) = (broker.policy(), broker.mailbox_mb(), broker.time_warp());
+        Mission {
+            name,
+            file,
+            bytes,
+            mode,
+            broker,
+            mailbox_mb,
+            time_warp,
+            community,
+            launch_pause_secs,
+            moos,
+            apps,
+            notes,
+        }
+    }
 }
 
 fn no_xml(error: &roxmltree::Error, text: &str, problems: &mut Findings) {
@@ -109,7 +149,8 @@ fn byte_of(text: &str, position: roxmltree::TextPos) -> usize {
 }
 
 /// The Scenario's own attributes.
-fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, SaidOfBroker) {
+fn head(scenario: Node, at: At, file: &Path, problems: &mut Findings) -> Scenario {
+    let (mut community, mut launch_pause_secs) = (None, 0.0);
     let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let mut name = stem.unwrap_or_else(|| "mission".to_owned());
     let mut mode = Mode::Auto;
@@ -129,6 +170,14 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
             ("version", value) => {
                 problems.add(&at, format!("version {value:?} is unknown; right is \"1\""));
             }
+            ("community", value) => match Community::new(value) {
+                Ok(name) => community = Some(name),
+                Err(error) => problems.add(&at, error.to_string()),
+            },
+            (policy::LAUNCH_PAUSE, value) => match policy::launch_pause(value) {
+                Ok(secs) => launch_pause_secs = secs,
+                Err(error) => problems.add(&at, format!("{} {error}", policy::LAUNCH_PAUSE)),
+            },
             (other, value) if policy::is_of_broker(other) => {
                 if let Some(Err(error)) = broker.take(other, value) {
                     problems.add(&at, format!("{other} {error}"));
@@ -136,14 +185,15 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
             }
             (other, _) => {
                 let at = At::Byte(attribute.range().start);
-                let mut known = vec!["name", "type", "version"];
+                let mut known = vec!["name", "type", "version", "community", policy::LAUNCH_PAUSE];
                 known.extend(policy::OF_BROKER.iter().map(|attribute| attribute.name));
                 let right = instead(other, &known);
                 problems.add(&at, format!("Scenario has no attribute {other}; {right}"));
             }
         }
     }
-    (name, mode, broker)
+    let (drafts, bus, notes) = (Vec::new(), None, Vec::new());
+    Scenario { at, name, mode, broker, community, launch_pause_secs, drafts, bus, notes }
 }
 
 /// The apps, and who else may come to the broker.
@@ -174,7 +224,12 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> (Vec<Dr
     (drafts, bus)
 }
 
+/// A mission explores, and has what that takes; or it is programs of somebody else's that only want a community.
 fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
+    let is_stage = |draft: &Draft| ![element::APP, element::LOGGER].contains(&draft.element.as_str());
+    if drafts.iter().any(|draft| draft.element == element::APP) && !drafts.iter().any(is_stage) {
+        return;
+    }
     for element::Element { name: element, count, .. } in ELEMENTS {
         let mut of_element = drafts.iter().filter(|draft| draft.element == element);
         let first = of_element.next();

@@ -9,7 +9,9 @@ use std::process::Command;
 use elk_bus::launched::{COMMUNITY, LEASE, NAME, SUCCEED};
 use elk_bus::moos::gateway::GatewayOptions;
 use elk_bus::{App, AppError, Community};
+use serde::{Deserialize, Serialize};
 
+use crate::element::CONTROLLER;
 use crate::executable::executable;
 use crate::kind::ParamSpec;
 use crate::params::Params;
@@ -66,10 +68,18 @@ pub struct Mission {
     pub broker: Policy,
     /// Mail that its broker keeps for each client (MB).
     pub mailbox_mb: u32,
+    /// How many times as fast as the wall's the community's clock runs.
+    pub time_warp: f64,
+    /// The community that it is launched in, unless somebody says another; `None`: the usual one.
+    pub community: Option<Community>,
+    /// How long the start of an `<App>` waits for the one before (s).
+    pub launch_pause_secs: f64,
     /// Where clients of MOOS' may connect; `None`: nowhere.
     pub moos: Option<GatewayOptions>,
     /// Its apps, in the order of the file; a logger that the file does not name comes last.
     pub apps: Vec<AppSpec>,
+    /// What of its file is not as it says, with file and line.
+    pub notes: Vec<String>,
 }
 
 /// How a mission runs.
@@ -107,11 +117,58 @@ pub enum Program {
     Foreign {
         /// The executable: a path, or a name that is looked for in `PATH`.
         exec: PathBuf,
-        /// Its arguments; parameters come behind them.
+        /// Its arguments; what it is told besides comes behind them, to a program of MOOS' before them.
         args: Vec<String>,
-        /// It reads and writes lines, and `elk pipe` is on the bus for it; otherwise it is on the bus itself.
-        piped: bool,
+        /// How it comes to the bus.
+        via: Via,
     },
+}
+
+/// How a program of somebody else's comes to the bus.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Via {
+    /// By itself: it finds the broker by its environment, and has its parameters as arguments.
+    #[default]
+    Itself,
+    /// It reads and writes lines, and `elk pipe` is on the bus for it.
+    Lines,
+    /// As a client of MOOS': a `.moos` file says where to, and what its parameters are. The one in here is what that file
+    /// says besides.
+    Moos(Option<PathBuf>),
+}
+
+/// Whether a file is one of MOOS', by its name.
+pub fn is_moos_file(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("moos"))
+}
+
+impl Via {
+    /// Its word in missions and tables: `exec`, `pipe`, `moos`.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Itself => "exec",
+            Self::Lines => "pipe",
+            Self::Moos(_) => "moos",
+        }
+    }
+
+    /// As a client of MOOS', told what this `.moos` file says, wherever it is started.
+    pub fn of_file(file: &Path) -> Self {
+        Self::Moos(Some(std::path::absolute(file).unwrap_or_else(|_| file.to_owned())))
+    }
+
+    /// What is meant by `moos="…"`: `true`, `false`, or a `.moos` file, looked for from `folder`.
+    ///
+    /// # Errors
+    /// It is none of these, in words.
+    pub fn of_moos(said: &str, folder: &Path) -> Result<Self, String> {
+        match said {
+            "true" => Ok(Self::Moos(None)),
+            "false" => Ok(Self::Itself),
+            file if is_moos_file(Path::new(file)) => Ok(Self::of_file(&folder.join(file))),
+            other => Err(format!("moos {other:?} is not offered; right is true, false or a .moos file")),
+        }
+    }
 }
 
 impl AppType {
@@ -133,6 +190,11 @@ impl std::fmt::Debug for AppType {
 }
 
 impl Mission {
+    /// Whether it explores, and so comes to an end of its own; or it is programs that want a community, for as long as they run.
+    pub fn explores(&self) -> bool {
+        self.of_element(CONTROLLER).next().is_some()
+    }
+
     /// The apps of an element, in the order of the file.
     pub fn of_element(&self, element: &str) -> impl Iterator<Item = &AppSpec> {
         self.apps.iter().filter(move |app| app.element == element)
@@ -153,18 +215,17 @@ impl Program {
 }
 
 impl AppSpec {
-    /// The type's name; `exec` for another executable, `pipe` for one that reads and writes lines.
+    /// The type's name; `exec` for another executable, `pipe` for one that reads and writes lines, `moos` for one of MOOS'.
     pub fn type_name(&self) -> &str {
         match &self.program {
             Program::Builtin(app_type, _) => app_type.name,
-            Program::Foreign { piped: false, .. } => "exec",
-            Program::Foreign { piped: true, .. } => "pipe",
+            Program::Foreign { via, .. } => via.word(),
         }
     }
 
     /// What starts it as a process of its own in this community: the same line that a person would type. `elk` is elk's own
-    /// program, which has the built-in types.
-    pub fn command(&self, elk: &Path, community: &Community) -> Command {
+    /// program, which has the built-in types. In `folder` a program of MOOS' finds its file ([`AppSpec::moos_file`]).
+    pub fn command(&self, elk: &Path, community: &Community, folder: &Path) -> Command {
         let settings = self.settings.iter().map(|(name, text)| format!("{name}={text}"));
         let mut command = match &self.program {
             Program::Builtin(app_type, _) => {
@@ -173,12 +234,18 @@ impl AppSpec {
                 command.args(["--name", &self.name, "--community", community.as_str()]).args(settings);
                 command
             }
-            Program::Foreign { exec, args, piped: false } => {
+            Program::Foreign { exec, args, via: Via::Itself } => {
                 let mut command = Command::new(exec);
                 command.args(args).env(COMMUNITY, community.as_str()).env(NAME, &self.name).args(settings);
                 command
             }
-            Program::Foreign { exec, args, piped: true } => {
+            // As pAntler does it.
+            Program::Foreign { exec, args, via: Via::Moos(_) } => {
+                let mut command = Command::new(exec);
+                command.arg(self.moos_file(folder)).arg(&self.name).args(args);
+                command
+            }
+            Program::Foreign { exec, args, via: Via::Lines } => {
                 let mut command = Command::new(elk);
                 command.args(["pipe", &self.name, "--community", community.as_str()]).args(settings);
                 command.arg("--").arg(exec).args(args);
@@ -193,6 +260,16 @@ impl AppSpec {
     pub fn setting(&self, name: &str) -> Option<&str> {
         let mut settings = self.settings.iter();
         settings.find(|(key, _)| key == name).map(|(_, text)| text.as_str())
+    }
+
+    /// Where the file of a program of MOOS' is, of those in `folder`.
+    pub fn moos_file(&self, folder: &Path) -> PathBuf {
+        folder.join(format!("{}.moos", self.name))
+    }
+
+    /// Whether it comes as a client of MOOS', of whom no two can have one name, not even for a moment.
+    pub fn is_moos(&self) -> bool {
+        matches!(self.program, Program::Foreign { via: Via::Moos(_), .. })
     }
 
     /// Whether it is one of the registry's types.

@@ -28,6 +28,7 @@ use elk_proto::pattern;
 use elk_proto::types::Type;
 use elk_proto::wire::Named;
 
+pub use pose::Poses;
 pub use read::Read;
 
 /// The longest value that becomes a text (bytes): it is made by whoever serves everybody.
@@ -35,15 +36,6 @@ pub const LONGEST_VALUE: usize = 64 << 10;
 
 /// What stands behind the pattern of variables whose poses are told in the plane.
 const PLANE: &str = ":plane";
-
-/// How poses in space are told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Poses {
-    /// As a rotation and a translation.
-    InSpace,
-    /// As three numbers, x and y (m) and the heading (rad); what else they have is left out.
-    InPlane,
-}
 
 /// Which variables' typed values are texts for clients of MOOS': patterns, with `:plane` behind one if poses are told in the plane.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -17,9 +17,10 @@ use elk_bus::{
 use rustix::process::Signal;
 use serde_json::Value;
 
+use crate::arrays;
 use crate::carried::Carried;
 use crate::program::{Errors, Heard, Program};
-use crate::words::{self, Publish, Registration, Said};
+use crate::words::{self, Arrays, Publish, Registration, Said};
 
 /// Environment variable of a program that is an app here, `1`: one that can be on the bus itself is told that it is not.
 pub const LINES: &str = "ELK_LINES";
@@ -60,6 +61,8 @@ pub struct PipeApp {
     lost: u64,
     /// Lines of the program's that were not taken.
     refused: u64,
+    /// How it is told lists of numbers.
+    arrays: Arrays,
 }
 
 impl PipeApp {
@@ -80,6 +83,7 @@ impl PipeApp {
             unsaid: 0,
             lost: 0,
             refused: 0,
+            arrays: Arrays::default(),
         }
     }
 
@@ -116,7 +120,7 @@ impl PipeApp {
     /// Does what a line says before the program is ready; whether it says that it is.
     fn prepare(&mut self, comms: &mut Comms, line: u64, said: Said) -> Result<bool, AppError> {
         match said {
-            Said::Register(_) | Said::Unregister(_) | Said::Log(_) => {
+            Said::Register(_) | Said::Unregister(_) | Said::Arrays(_) | Said::Log(_) => {
                 self.obey(comms, line, said, None).map(|()| false)
             }
             Said::Ready => Ok(true),
@@ -170,6 +174,10 @@ impl PipeApp {
             }
             (Said::Unregister(wanted), _) => {
                 self.take(comms, &wanted.keys, line, |comms| comms.unregister(wanted.subscription()))
+            }
+            (Said::Arrays(wanted), _) => {
+                self.arrays = wanted;
+                Ok(())
             }
             (Said::Log(words), _) => {
                 tell(format_args!("{}: {words}", comms.name()));
@@ -293,7 +301,7 @@ impl PipeApp {
     }
 
     /// A message as a line.
-    fn line_of(mail: &Mail<'_>) -> Result<Value, Rejection> {
+    fn line_of(mail: &Mail<'_>, told: Arrays) -> Result<Value, Rejection> {
         let (type_name, value) = match mail.value() {
             ValueRef::Double(number) => ("number", words::number(number)),
             ValueRef::Text(text) => ("text", text.into()),
@@ -308,7 +316,9 @@ impl PipeApp {
                 let description = type_.description();
                 let description =
                     description.ok_or_else(|| Rejection::new(format_args!("nobody has described {name}")))?;
-                (name, description.to_json(bytes, usize::MAX).map_err(Rejection::new)?)
+                let value = description.to_json(bytes, usize::MAX).map_err(Rejection::new)?;
+                let value = if told == Arrays::Base64 { arrays::packed(description.kind(), value) } else { value };
+                (name, value)
             }
         };
         Ok(words::mail(mail, type_name, value))
@@ -328,7 +338,7 @@ impl App for PipeApp {
         if self.asked.is_some() && mail.is(&TABLE) {
             return self.learn(comms, mail);
         }
-        let line = Self::line_of(mail)?;
+        let line = Self::line_of(mail, self.arrays)?;
         let lost = comms.dropped() + self.unsaid;
         if lost > self.lost && self.say(&words::lost(lost - self.lost)) {
             self.lost = lost;

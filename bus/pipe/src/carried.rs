@@ -7,6 +7,7 @@ use elk_bus::describe::shown;
 use elk_bus::{Description, Type, Value as BusValue};
 use serde_json::{Value, json};
 
+use crate::arrays;
 use crate::words::{Publish, number_of};
 
 /// What a variable carries.
@@ -75,7 +76,11 @@ impl Carried {
             Self::Text => value.as_str().map(BusValue::from).ok_or_else(|| wrong("text")),
             Self::Typed(type_) => {
                 let description = described(type_)?;
-                let bytes = description.to_bytes(value).map_err(|error| error.to_string())?;
+                let unpacked = match arrays::is_packed(value) {
+                    true => Cow::Owned(arrays::unpacked(description.kind(), value.clone())?),
+                    false => Cow::Borrowed(value),
+                };
+                let bytes = description.to_bytes(&unpacked).map_err(|error| error.to_string())?;
                 Ok(BusValue::Binary { type_: type_.clone(), bytes })
             }
         }

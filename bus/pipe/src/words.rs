@@ -17,10 +17,22 @@ pub enum Said {
     Publish(Publish),
     /// `{"describe": "PLAN"}`: what does this variable carry?
     Describe(String),
+    /// `{"arrays": "base64"}`: so are lists of numbers in its mail from now on.
+    Arrays(Arrays),
     /// `{"log": "words"}`: words for the app's log.
     Log(String),
     /// `{"ready": true}`: it has registered for what it needs, and takes its mail.
     Ready,
+}
+
+/// How a program is told lists of numbers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Arrays {
+    /// Number by number.
+    #[default]
+    Json,
+    /// In base64, with their type and shape.
+    Base64,
 }
 
 /// Which variables to hear.
@@ -47,7 +59,7 @@ pub struct Publish {
     pub type_name: Option<String>,
 }
 
-const VERBS: [&str; 6] = ["register", "unregister", "publish", "describe", "log", "ready"];
+const VERBS: [&str; 7] = ["register", "unregister", "publish", "describe", "arrays", "log", "ready"];
 
 impl Said {
     /// What a line says.
@@ -74,6 +86,11 @@ impl Said {
                 type_name: fields.0.contains_key("type").then(|| fields.text("type")).transpose()?,
             }),
             "describe" => Self::Describe(fields.text(verb)?),
+            "arrays" => Self::Arrays(match fields.text(verb)?.as_str() {
+                "json" => Arrays::Json,
+                "base64" => Arrays::Base64,
+                other => return Err(format!("arrays is {other:?}; it has to be \"base64\" or \"json\"")),
+            }),
             "log" => Self::Log(fields.text(verb)?),
             _ => match fields.flag(verb)? {
                 true => Self::Ready,
@@ -251,6 +268,7 @@ mod tests {
             (r#"{"value":[1,{"a":null}],"publish":"X"}"#, publish(json!([1, {"a": null}]), None)),
             (r#"{"publish":"X","type":"Speed","value":{}}"#, publish(json!({}), Some("Speed"))),
             (r#"{"describe":"PLAN"}"#, Said::Describe("PLAN".into())),
+            (r#"{"arrays":"base64"}"#, Said::Arrays(Arrays::Base64)),
             (r#"{"log":"words"}"#, Said::Log("words".into())),
             (r#" {"ready":true} "#, Said::Ready),
         ] {
@@ -275,6 +293,7 @@ mod tests {
             (r#"{"register":"X","lossless":1}"#, "lossless is 1; it has to be true or false"),
             (r#"{"unregister":"X","rate":1}"#, "rate says nothing beside unregister"),
             (r#"{"ready":false}"#, "ready is false"),
+            (r#"{"arrays":"hex"}"#, "arrays is \"hex\"; it has to be \"base64\" or \"json\""),
         ] {
             let error = Said::of(line).unwrap_err();
             assert!(error.contains(reason), "{line}: {error}");

@@ -24,8 +24,11 @@ pub(crate) trait Backend {
     /// Starts the broker.
     fn start_broker(&mut self) -> Result<(), LaunchError>;
 
-    /// Starts the apps whose elements `which` chooses.
-    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError>;
+    /// Starts the apps that `which` chooses, by element and name.
+    fn start_apps(&mut self, which: &dyn Fn(&str, &str) -> bool) -> Result<(), LaunchError>;
+
+    /// Whether every app but the loggers has ended of its own accord.
+    fn all_over(&self) -> bool;
 
     /// Those that were started and have not registered; `clients` are those of the community.
     fn missing(&self, clients: &BTreeSet<String>) -> Vec<String>;

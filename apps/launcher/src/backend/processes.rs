@@ -8,15 +8,14 @@ use std::time::Duration;
 
 use elk_bus::child::Bond;
 use elk_bus::clock::Stopwatch;
-use elk_bus::moos::gateway::GatewayOptions;
 use elk_bus::{Client, Clock, Community, ConnectError, ProcessId, SUCCEED};
-use elk_mission::{AppSpec, Exchange, Mission, Program, element, instead};
+use elk_mission::{AppSpec, Exchange, Mission, Program, Via, element, instead};
 use elk_outside::time;
 use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
 
 use crate::backend::Backend;
-use crate::backend::environment::{DB, Environment};
+use crate::backend::environment::{BrokerSetup, DB, Environment};
 use crate::control::{AppRow, Order};
 use crate::error::LaunchError;
 use crate::process::child::Process;
@@ -41,8 +40,7 @@ const ASK_EVERY: Duration = Duration::from_millis(5);
 /// Processes of one community.
 pub(crate) struct Processes {
     environment: Environment,
-    mailbox_mb: u32,
-    moos: Option<GatewayOptions>,
+    broker: BrokerSetup,
     supervisor: Supervisor,
     /// The broker's, then those of the apps, in the supervisor's order.
     slots: Vec<Slot>,
@@ -84,8 +82,7 @@ impl Processes {
         let apps = mission.apps.iter().map(|app| Slot { app: Some(app.clone()), ..Slot::default() });
         let mut all = Self {
             environment,
-            mailbox_mb: mission.mailbox_mb,
-            moos: mission.moos.clone(),
+            broker: BrokerSetup::of(mission),
             supervisor: Supervisor::new(broker, units),
             slots: std::iter::once(Slot::default()).chain(apps).collect(),
             retiring: Vec::new(),
@@ -239,6 +236,7 @@ impl Processes {
             Action::Kill(index) => self.slots[index].holder.iter().for_each(Process::kill),
             Action::Discard(index) => self.discard(index),
             Action::TakeOver(index) => self.take_over(index),
+            Action::Exchange(index) => self.exchange_names(index),
             Action::Say(words) => self.sayings.push(words),
             Action::Tell(ticket, word) => self.words.push((ticket, word)),
             // The first failure is the one that explains the others.
@@ -253,8 +251,8 @@ impl Processes {
             Role::Successor => &slot.wanted,
         };
         let (name, mut command) = match app {
-            None => (DB.to_owned(), self.environment.broker_command(self.mailbox_mb, self.moos.as_ref())),
-            Some(app) => (app.name.clone(), self.environment.app_command(app)),
+            None => (DB.to_owned(), self.environment.broker_command(&self.broker)),
+            Some(app) => (app.name.clone(), self.environment.app_command(app, &self.broker)?),
         };
         if role == Role::Successor {
             command.env(SUCCEED, "1");
@@ -304,13 +302,22 @@ impl Processes {
         }
     }
 
+    /// Whoever is started next under the name is the other one of the two.
+    fn exchange_names(&mut self, index: usize) {
+        let slot = &mut self.slots[index];
+        std::mem::swap(&mut slot.app, &mut slot.wanted);
+        if let Some(app) = slot.app.clone() {
+            self.note_explorer(&app);
+        }
+    }
+
     fn note_explorer(&mut self, app: &AppSpec) {
         let what = match &app.program {
             Program::Builtin(app_type, _) => app_type.name.to_owned(),
-            Program::Foreign { exec, args, piped } => {
+            Program::Foreign { exec, args, via } => {
                 let exec = exec.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 // Of a language the script is what matters.
-                if *piped { [&[exec], &args[..]].concat().join(" ") } else { exec }
+                if *via == Via::Lines { [&[exec], &args[..]].concat().join(" ") } else { exec }
             }
         };
         if app.element == element::EXPLORER && !self.explorers.contains(&what) {
@@ -338,9 +345,11 @@ impl Processes {
                     let said = format!("{} has no word for {}: dropped", app.type_name(), dropped.join(", "));
                     self.words.push((ticket, Word::Progress(said)));
                 }
-                self.slots[index].wanted = Some(app);
+                let slot = &mut self.slots[index];
+                let alone = app.is_moos() || slot.app.as_ref().is_some_and(AppSpec::is_moos);
+                slot.wanted = Some(app);
                 let now = self.now();
-                self.supervisor.order_swap(ticket, index, limit, now);
+                self.supervisor.order_swap(ticket, index, limit, alone, now);
             }
         }
     }
@@ -432,14 +441,21 @@ impl Backend for Processes {
         self.check("at once")
     }
 
-    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
+    fn start_apps(&mut self, which: &dyn Fn(&str, &str) -> bool) -> Result<(), LaunchError> {
         let now = self.now();
         for index in BROKER + 1..self.slots.len() {
-            if which(&self.supervisor.units[index].spec.element) {
+            let UnitSpec { element, name, .. } = &self.supervisor.units[index].spec;
+            if which(element, name) {
                 self.supervisor.start(index, now);
             }
         }
         self.check("before it registered")
+    }
+
+    fn all_over(&self) -> bool {
+        let mut apps =
+            self.supervisor.units.iter().skip(BROKER + 1).filter(|unit| unit.spec.element != element::LOGGER);
+        apps.all(|unit| unit.state == State::Over)
     }
 
     fn missing(&self, _: &BTreeSet<String>) -> Vec<String> {
@@ -503,8 +519,8 @@ impl Backend for Processes {
             Order::Start { limit_secs, .. } => {
                 self.supervisor.order_start(ticket, index, time::duration(limit_secs), now);
             }
-            Order::Swap { type_name, exec, piped, params, folder, limit_secs, .. } => {
-                let wanted = Exchange { type_name, exec, piped, params, folder };
+            Order::Swap { type_name, exec, via, params, folder, limit_secs, .. } => {
+                let wanted = Exchange { type_name, exec, via, params, folder };
                 self.swap(ticket, index, &wanted, time::duration(limit_secs));
             }
             Order::Apps | Order::Mission | Order::Pause | Order::Resume | Order::Step | Order::Leave => {}

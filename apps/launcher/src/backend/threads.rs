@@ -45,7 +45,7 @@ impl Threads {
     /// The backend of a mission.
     pub fn new(community: &Community, mission: &Mission) -> Self {
         let config = BrokerConfig::new(community.as_str()).with_mailbox_bytes((mission.mailbox_mb as usize) << 20);
-        let broker = MemoryBroker::new(config, Clock::new(1.0));
+        let broker = MemoryBroker::new(config, Clock::new(mission.time_warp));
         let (community, apps) = (community.clone(), mission.apps.clone());
         let (started, sayings, words) = (Vec::new(), Vec::new(), Vec::new());
         Self { broker, community, apps, started, running: Stopwatch::start(), failed: None, sayings, words }
@@ -124,13 +124,18 @@ impl Backend for Threads {
         Ok(())
     }
 
-    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
-        let chosen: Vec<AppSpec> = self.apps.iter().filter(|app| which(&app.element)).cloned().collect();
+    fn start_apps(&mut self, which: &dyn Fn(&str, &str) -> bool) -> Result<(), LaunchError> {
+        let chosen: Vec<AppSpec> = self.apps.iter().filter(|app| which(&app.element, &app.name)).cloned().collect();
         for app in chosen {
             let started = self.start(app)?;
             self.started.push(started);
         }
         Ok(())
+    }
+
+    /// An app that is a thread does not end of its own accord: that would be its failure.
+    fn all_over(&self) -> bool {
+        false
     }
 
     fn missing(&self, clients: &BTreeSet<String>) -> Vec<String> {
@@ -230,7 +235,7 @@ impl Drop for Threads {
 mod tests {
     use std::collections::BTreeSet;
 
-    use elk_mission::{Mode, Policy};
+    use elk_mission::{Mode, Policy, Via};
 
     use super::*;
 
@@ -238,7 +243,7 @@ mod tests {
         let app = AppSpec {
             name: name.to_owned(),
             element: name.to_owned(),
-            program: Program::Foreign { exec: "none".into(), args: Vec::new(), piped: false },
+            program: Program::Foreign { exec: "none".into(), args: Vec::new(), via: Via::Itself },
             policy: Policy::default(),
             said: BTreeSet::new(),
             settings: Vec::new(),
@@ -258,6 +263,10 @@ mod tests {
             mode: Mode::Auto,
             broker,
             mailbox_mb,
+            time_warp: 1.0,
+            community: None,
+            launch_pause_secs: 0.0,
+            notes: Vec::new(),
             moos: None,
             apps,
         };

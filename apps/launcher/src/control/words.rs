@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use elk_mission::Via;
 use serde::{Deserialize, Serialize};
 
 /// What a person has a launcher do, or say.
@@ -32,9 +33,9 @@ pub enum Order {
         type_name: Option<String>,
         /// Any executable instead, and its arguments.
         exec: Option<(String, Vec<String>)>,
-        /// That executable reads and writes lines.
+        /// How that executable comes to the bus.
         #[serde(default)]
-        piped: bool,
+        via: Via,
         /// Parameters that are said anew.
         params: Vec<(String, String)>,
         /// Where relative files are looked for.
@@ -97,7 +98,7 @@ pub struct AppRow {
     pub name: String,
     /// Its element in the mission; empty for launcher and broker.
     pub element: String,
-    /// Its type; `exec` for somebody else's program.
+    /// Its type; `exec`, `pipe` or `moos` for somebody else's program.
     #[serde(rename = "type")]
     pub type_name: String,
     /// Its process.

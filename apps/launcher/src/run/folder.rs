@@ -6,6 +6,7 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::Date;
+use elk_mission::is_moos_file;
 
 use crate::error::LaunchError;
 
@@ -50,10 +51,10 @@ fn plain(name: &str) -> String {
     if name.is_empty() { "mission".to_owned() } else { name }
 }
 
-/// What the copy of a mission file is called that the run keeps: its own name, and `.xml` behind it, so that it is no
-/// name of a file that the run writes.
+/// What the copy of a mission file is called that the run keeps: its own name, and `.xml` or `.moos` behind it, so that it is
+/// no name of a file that the run writes.
 pub(crate) fn copy_name(mission: &Path) -> String {
-    format!("{}.xml", stem(mission))
+    format!("{}.{}", stem(mission), if is_moos_file(mission) { "moos" } else { "xml" })
 }
 
 /// What the mission is called as it ran, defaults and command line included.

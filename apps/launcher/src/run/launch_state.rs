@@ -11,14 +11,14 @@ use elk_bus::moos::gateway::{AddressError, GatewayOptions};
 use elk_bus::moos::text::Texts;
 use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm, text};
 use elk_mission::variables::LAUNCH_STATE;
-use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
+use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, Via, is_app_name};
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
 use crate::process::escaped::RunId;
 
 /// Counts up when the words change.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 /// What it is called in the community's folder.
 const KEPT: &str = "launch-state";
 /// How long the broker may take to say the variable's value.
@@ -48,6 +48,7 @@ pub(crate) struct LaunchState {
     pub explorers: Vec<String>,
     broker_policy: PolicyState,
     mailbox_mb: u32,
+    time_warp: f64,
     moos: Option<MoosState>,
     pub broker: Option<ProcessId>,
     pub apps: Vec<AppState>,
@@ -61,8 +62,8 @@ pub(crate) struct AppState {
     /// `None`: an executable.
     type_name: Option<String>,
     exec: Option<(PathBuf, Vec<String>)>,
-    /// The executable reads and writes lines.
-    piped: bool,
+    /// How the executable comes to the bus.
+    via: Via,
     /// What was set of its parameters.
     settings: Vec<(String, String)>,
     policy: PolicyState,
@@ -109,6 +110,7 @@ impl LaunchState {
             explorers: Vec::new(),
             broker_policy: PolicyState::of(&mission.broker),
             mailbox_mb: mission.mailbox_mb,
+            time_warp: mission.time_warp,
             moos: mission.moos.as_ref().map(MoosState::of),
             broker: None,
             apps: mission.apps.iter().map(AppState::of).collect(),
@@ -209,6 +211,10 @@ impl LaunchState {
             mode: if self.manual { Mode::Manual } else { Mode::Auto },
             broker: self.broker_policy.policy().map_err(odd)?,
             mailbox_mb: self.mailbox_mb,
+            time_warp: self.time_warp,
+            community: Some(community.clone()),
+            launch_pause_secs: 0.0,
+            notes: Vec::new(),
             moos: self.moos.as_ref().map(MoosState::options).transpose().map_err(odd)?,
             apps,
         })
@@ -231,16 +237,16 @@ fn join(community: &Community) -> Result<Client, ConnectError> {
 impl AppState {
     /// That of an app that was not started yet.
     pub fn of(app: &AppSpec) -> Self {
-        let (type_name, exec, piped) = match &app.program {
-            Program::Builtin(app_type, _) => (Some(app_type.name.to_owned()), None, false),
-            Program::Foreign { exec, args, piped } => (None, Some((exec.clone(), args.clone())), *piped),
+        let (type_name, exec, via) = match &app.program {
+            Program::Builtin(app_type, _) => (Some(app_type.name.to_owned()), None, Via::Itself),
+            Program::Foreign { exec, args, via } => (None, Some((exec.clone(), args.clone())), via.clone()),
         };
         Self {
             name: app.name.clone(),
             element: app.element.clone(),
             type_name,
             exec,
-            piped,
+            via,
             settings: app.settings.iter().filter(|(name, _)| app.said.contains(name)).cloned().collect(),
             policy: PolicyState::of(&app.policy),
             idle: false,
@@ -259,7 +265,7 @@ impl AppState {
         let foreign = AppSpec {
             name: self.name.clone(),
             element: self.element.clone(),
-            program: Program::Foreign { exec, args, piped: self.piped },
+            program: Program::Foreign { exec, args, via: self.via.clone() },
             policy,
             said,
             settings: self.settings.clone(),

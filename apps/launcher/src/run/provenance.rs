@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use elk_mission::{AppSpec, Kind, Mission, MissionError, Override, Program, Registry, element};
+use elk_mission::{AppSpec, Kind, Mission, MissionError, Override, Program, Registry, Via, element};
 use elk_outside::checksum::fnv1a_of_file;
 use elk_outside::file;
 use serde::{Deserialize, Serialize};
@@ -185,7 +185,12 @@ fn ingredients(app: &AppSpec) -> Vec<Ingredient> {
         _ => None,
     });
     let named = files.filter(|(_, file, builtin)| !file.is_empty() && !builtin.contains(file));
-    named.map(|(param, file, _)| Ingredient::of(app, param, Path::new(file))).chain(program(app)).collect()
+    let named = named.map(|(param, file, _)| Ingredient::of(app, param, Path::new(file)));
+    let told = match &app.program {
+        Program::Foreign { via: Via::Moos(Some(file)), .. } => Some(Ingredient::of(app, "moos", file)),
+        _ => None,
+    };
+    named.chain(told).chain(program(app)).collect()
 }
 
 fn checksum(file: &Path) -> String {

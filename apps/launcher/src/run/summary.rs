@@ -47,7 +47,7 @@ pub struct Summary {
     /// The seed of everything random.
     pub seed: Option<i64>,
     /// Whether every frontier that can be reached and seen is resolved, in a map that holds something, without a contact with
-    /// the true world.
+    /// the true world; of a mission that does not explore, whether no app has failed.
     pub complete: bool,
     /// Why the run ended.
     pub reason: String,
@@ -150,6 +150,14 @@ pub(crate) fn swapped(folder: &Path) -> Vec<String> {
 
 /// Whether the mission is complete, and why it ended.
 fn completeness(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+    if !mission.explores() {
+        return match ended {
+            // Programs that want a community run until somebody has had enough of them.
+            Some(LaunchError::Stopped) => (true, "it ran until it was stopped".to_owned()),
+            Some(error) => (false, error.to_string()),
+            None => (true, "all its apps have ended".to_owned()),
+        };
+    }
     if let Some(played) = observed.played() {
         return played_through(mission, observed, played, ended);
     }

@@ -42,6 +42,16 @@ pub(crate) struct Supervisor {
     heard: Duration,
 }
 
+/// How long a swapped app was missed.
+enum Gap {
+    /// So many milliseconds lay between the last message of the old one and the first of the new one.
+    Mail(f64),
+    /// Nobody has said.
+    Unknown,
+    /// The name was nobody's for so long.
+    Nobody(Duration),
+}
+
 /// The broker's index.
 pub(crate) const BROKER: usize = 0;
 
@@ -125,6 +135,8 @@ impl Supervisor {
         }
         unit.last_exit = Some(exit.in_short());
         match (&unit.swap, unit.state) {
+            (Some(Swap { phase: Phase::Leaving, .. }), _) => self.made_room(index, now),
+            (Some(Swap { phase: Phase::Alone { .. }, .. }), _) => self.back_to_the_old(index, &exit, now),
             (Some(Swap { phase: Phase::Coming | Phase::Ready { .. }, .. }), State::Running) => {
                 self.succeed(index, &exit, now);
             }
@@ -174,6 +186,30 @@ impl Supervisor {
                 self.enter(index, State::Starting, now);
             }
         }
+    }
+
+    /// The holder has left, and nobody has the name: the successor is started.
+    fn made_room(&mut self, index: usize, now: Duration) {
+        if let Some(swap) = &mut self.units[index].swap {
+            swap.phase = Phase::Alone { left: now };
+        }
+        self.start_the_other(index, now);
+    }
+
+    /// The successor has ended, for which the holder had left, before it was on the bus: the old one comes back.
+    fn back_to_the_old(&mut self, index: usize, exit: &Exit, now: Duration) {
+        let unit = &mut self.units[index];
+        let ticket = unit.swap.take().map(|swap| swap.ticket);
+        let name = &unit.spec.name;
+        let said =
+            format!("the new {name} ended before it registered: {}\nthe old {name} is started again", quoted(exit));
+        self.tell(ticket, Word::Failed(said));
+        self.start_the_other(index, now);
+    }
+
+    fn start_the_other(&mut self, index: usize, now: Duration) {
+        self.actions.push(Action::Exchange(index));
+        self.start(index, now);
     }
 
     /// The successor had taken over, and ended before anything was heard of it.
@@ -291,7 +327,10 @@ impl Supervisor {
         let name = unit.spec.name.clone();
         let ticket = unit.order.take().map(|(ticket, _)| ticket);
         if let Some(swap) = &mut unit.swap {
-            swap.phase = Phase::Taken { until: now + GAP_PATIENCE };
+            match swap.phase {
+                Phase::Alone { left } => self.finish_swap(index, Gap::Nobody(now.saturating_sub(left)), now),
+                _ => swap.phase = Phase::Taken { until: now + GAP_PATIENCE },
+            }
         } else if ticket.is_some() {
             self.tell(ticket, Word::Done(format!("{name} runs")));
         } else if again {
@@ -325,7 +364,7 @@ impl Supervisor {
             (Some(_), State::Starting) => self.registered(index, now),
             (Some(_), _) => self.take_over(index, now),
         }
-        self.finish_swap(index, Some(gap_ms), now);
+        self.finish_swap(index, Gap::Mail(gap_ms), now);
     }
 
     fn take_over(&mut self, index: usize, now: Duration) {
@@ -336,15 +375,16 @@ impl Supervisor {
         }
     }
 
-    fn finish_swap(&mut self, index: usize, gap_ms: Option<f64>, now: Duration) {
+    fn finish_swap(&mut self, index: usize, gap: Gap, now: Duration) {
         let unit = &mut self.units[index];
         let Some(swap) = unit.swap.take() else { return };
         unit.swaps += 1;
         let name = unit.spec.name.clone();
         let took = (now.saturating_sub(swap.began)).as_secs_f64() * 1e3;
-        let gap = match gap_ms {
-            Some(gap) => format!("gap {gap:.1} ms"),
-            None => "it had no message to handle yet, so there is no gap to tell".to_owned(),
+        let gap = match gap {
+            Gap::Mail(ms) => format!("gap {ms:.1} ms"),
+            Gap::Unknown => "it had no message to handle yet, so there is no gap to tell".to_owned(),
+            Gap::Nobody(time) => format!("nobody was there for {:.0} ms", time.as_secs_f64() * 1e3),
         };
         let done = format!("{name} is swapped, in {took:.0} ms: {gap}");
         self.say(done.clone());
@@ -403,8 +443,8 @@ impl Supervisor {
         }
     }
 
-    /// An order: exchange an app for what its successor's process will be.
-    pub fn order_swap(&mut self, ticket: Ticket, index: usize, limit: Duration, now: Duration) {
+    /// An order: exchange an app for what its successor's process will be; `alone`: two of the name cannot be there at once.
+    pub fn order_swap(&mut self, ticket: Ticket, index: usize, limit: Duration, alone: bool, now: Duration) {
         let (name, state) = (self.units[index].spec.name.clone(), self.units[index].state);
         if let Some(refusal) = self.refusal(index) {
             return self.tell(Some(ticket), Word::Failed(refusal));
@@ -413,8 +453,12 @@ impl Supervisor {
             let said = format!("{name} is {}: only an app that runs can be swapped", state.word());
             return self.tell(Some(ticket), Word::Failed(said));
         }
-        self.units[index].swap = Some(Swap { ticket, began: now, limit, phase: Phase::Coming });
-        self.actions.push(Action::Start(index, Role::Successor));
+        let phase = if alone { Phase::Leaving } else { Phase::Coming };
+        self.units[index].swap = Some(Swap { ticket, began: now, limit, phase });
+        match alone {
+            true => self.ask(index, now),
+            false => self.actions.push(Action::Start(index, Role::Successor)),
+        }
     }
 
     /// Why no order can be taken for an app now.
@@ -507,7 +551,11 @@ impl Supervisor {
                 self.actions.push(Action::Kill(index));
                 self.tell(Some(ticket), Word::Progress(said));
             }
-            Phase::Taken { until } if until <= now => self.finish_swap(index, None, now),
+            Phase::Alone { left } if left.saturating_add(swap.limit) <= now && unit.kill_reason.is_none() => {
+                unit.kill_reason = Some(format!("not registered within {} s", swap.limit.as_secs_f64()));
+                self.actions.push(Action::Kill(index));
+            }
+            Phase::Taken { until } if until <= now => self.finish_swap(index, Gap::Unknown, now),
             _ => {}
         }
     }
@@ -526,7 +574,7 @@ impl Supervisor {
     pub fn end(&mut self, now: Duration) {
         for index in 0..self.units.len() {
             if self.units[index].swap.as_ref().is_some_and(|swap| matches!(swap.phase, Phase::Taken { .. })) {
-                self.finish_swap(index, None, now);
+                self.finish_swap(index, Gap::Unknown, now);
             } else if self.units[index].swap.is_some() {
                 self.actions.push(Action::Discard(index));
                 self.fail_swap(index, "the mission is ending".to_owned());

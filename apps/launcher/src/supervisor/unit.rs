@@ -101,6 +101,10 @@ pub(crate) enum Phase {
     Ready { kill_at: Duration },
     /// The successor has the name; what is missing is the gap.
     Taken { until: Duration },
+    /// The holder was asked to leave before its successor is started: the two could not bear the name together.
+    Leaving,
+    /// The holder has left, at this time, and the successor is started.
+    Alone { left: Duration },
 }
 
 /// A broker or an app.
@@ -206,6 +210,8 @@ impl Unit {
         };
         let swap = self.swap.as_ref().map(|swap| match swap.phase {
             Phase::Coming => swap.began.saturating_add(swap.limit),
+            Phase::Alone { left } if self.kill_reason.is_none() => left.saturating_add(swap.limit),
+            Phase::Leaving | Phase::Alone { .. } => Duration::MAX,
             Phase::Ready { kill_at } => kill_at,
             Phase::Taken { until } => until,
         });

@@ -72,6 +72,8 @@ pub(crate) enum Action {
     Discard(usize),
     /// The successor is the holder from now on; the old one is on its way out.
     TakeOver(usize),
+    /// Nobody has the name: who is started next is what the app is to be, and then, should that fail, what it was.
+    Exchange(usize),
     /// Tell the person at the terminal.
     Say(String),
     /// Tell who gave an order.

@@ -113,6 +113,8 @@ pub(crate) struct Shown {
     explorer: String,
     /// The volume that is to be explored (m³), if the mission names one.
     region: Option<f64>,
+    /// Whether it explores at all.
+    explores: bool,
 }
 
 impl Shown {
@@ -125,7 +127,8 @@ impl Shown {
         });
         let volume = size.map(|[x, y, z]| x * y * z).filter(|volume| *volume > 0.0);
         let explorer = mission.of_element(element::EXPLORER).map(|app| app.name.clone()).next().unwrap_or_default();
-        Self { apps: mission.apps.iter().map(|app| app.name.clone()).collect(), explorer, region: volume }
+        let apps = mission.apps.iter().map(|app| app.name.clone()).collect();
+        Self { apps, explorer, region: volume, explores: mission.explores() }
     }
 
     fn line(&self, observed: &Observer, secs: f64, scans_per_sec: f64, paused: bool) -> String {
@@ -133,9 +136,11 @@ impl Shown {
         if paused {
             parts.push("paused".to_owned());
         }
-        parts.push(self.coverage(observed));
-        let way = observed.progress.as_ref().map_or(0.0, |progress| progress.path_length_m);
-        parts.push(format!("{} scans, {scans_per_sec:.1}/s, {way:.1} m", scans(observed)));
+        if self.explores {
+            parts.push(self.coverage(observed));
+            let way = observed.progress.as_ref().map_or(0.0, |progress| progress.path_length_m);
+            parts.push(format!("{} scans, {scans_per_sec:.1}/s, {way:.1} m", scans(observed)));
+        }
         parts.extend(observed.steps.whole_step().map(|step| format!("{:.0} ms a step", step.median_ms)));
         if let Some((since, plans)) = observed.since_last_word.filter(|_| !paused && !observed.finished()) {
             parts.extend(self.silence(since.elapsed().as_secs_f64(), plans, &observed.last_word));
@@ -212,7 +217,7 @@ mod tests {
     fn the_line_says_what_a_person_wants_to_know() {
         let mut observed = Observer::default();
         let apps = ["Map", "Sensor"].map(str::to_owned).into();
-        let what = Shown { apps, explorer: "Explorer".into(), region: Some(0.1) };
+        let what = Shown { apps, explorer: "Explorer".into(), region: Some(0.1), explores: true };
         let line = |observed: &Observer, paused| what.line(observed, 125.9, 2.5, paused);
         assert_eq!(line(&observed, false), "2:05 | nothing known | 0 scans, 2.5/s, 0.0 m | starting");
         observed.clients = ["Map", "Sensor", "launcher", "echo-4711", "top-12"].map(str::to_owned).into();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use elk_mission::Program;
+use elk_mission::{Program, Via};
 
 use crate::table::{LISTING_2, app, parse, settings};
 
@@ -55,10 +55,10 @@ fn a_type_that_takes_an_executables_place_is_not_told_what_it_has_no_word_for() 
 fn any_executable_takes_a_place_from_the_command_line() {
     let sets = ["Explorer.K=1", "Explorer.args=-v --fast", "Explorer.exec=/bin/sh"];
     let mine = app(&parse(LISTING_2, &sets).unwrap(), "Explorer");
-    let Program::Foreign { exec, args, piped: false } = &mine.program else { panic!("not foreign") };
+    let Program::Foreign { exec, args, via: Via::Itself } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.join(" ").as_str()), (Path::new("/bin/sh"), "-v --fast"));
     let piped = app(&parse(LISTING_2, &["Explorer.K=1", "Explorer.pipe=/bin/sh -c 'read line'"]).unwrap(), "Explorer");
-    let Program::Foreign { exec, args, piped: true } = &piped.program else { panic!("not piped") };
+    let Program::Foreign { exec, args, via: Via::Lines } = &piped.program else { panic!("not piped") };
     assert_eq!((exec.as_path(), args.join("|").as_str()), (Path::new("/bin/sh"), "-c|read line"));
     assert_eq!((piped.type_name(), piped.setting("K")), ("pipe", Some("1")));
     assert_eq!((mine.setting("K"), mine.setting("Dim")), (Some("1"), Some("5.7; 4.3; 4.5")));

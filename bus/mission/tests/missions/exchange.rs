@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use elk_mission::{AppSpec, Exchange, Program};
+use elk_mission::{AppSpec, Exchange, Program, Via};
 
 use crate::table::{LISTING_2, app, parse, registry};
 
@@ -13,7 +13,7 @@ fn exchange(said: &[&str]) -> Exchange {
             "type" => wanted.type_name = Some(text.to_owned()),
             "exec" | "pipe" => {
                 wanted.exec = Some((text.to_owned(), vec!["-v".to_owned()]));
-                wanted.piped = name == "pipe";
+                wanted.via = if name == "pipe" { Via::Lines } else { Via::Itself };
             }
             _ => wanted.params.push((name.to_owned(), text.to_owned())),
         }
@@ -39,11 +39,11 @@ fn an_exchanged_app_keeps_what_was_set_and_what_the_new_one_has() {
     assert_eq!(simple.app.setting("Res"), Some("0.1"));
 
     let mine = swap(&["exec=/bin/sh", "K=1"]).app;
-    let Program::Foreign { exec, args, piped: false } = &mine.program else { panic!("not foreign") };
+    let Program::Foreign { exec, args, via: Via::Itself } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.as_slice()), (Path::new("/bin/sh"), ["-v".to_owned()].as_slice()));
     assert_eq!(mine.setting("Dim"), Some("5.7; 4.3; 4.5"));
     let piped = swap(&["pipe=/bin/sh"]).app;
-    assert!(matches!(piped.program, Program::Foreign { piped: true, .. }) && piped.type_name() == "pipe");
+    assert!(matches!(piped.program, Program::Foreign { via: Via::Lines, .. }) && piped.type_name() == "pipe");
     // Back again, what only a stranger understands is left behind.
     let back = mine.exchange(&exchange(&["type=Potential"]), &registry()).unwrap();
     assert_eq!(back.dropped, ["K=1"]);

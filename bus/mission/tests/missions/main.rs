@@ -3,13 +3,14 @@
 mod command_line;
 mod exchange;
 mod mistakes;
+mod moos;
 mod preflight;
 mod table;
 mod wiring;
 
 use std::path::Path;
 
-use elk_mission::{Mode, Policy, Program, Registry, Restart, describe};
+use elk_mission::{Mode, Policy, Program, Registry, Restart, Via, describe};
 use proptest::prelude::*;
 
 use table::{LISTING_2, SENSOR, parse, registry, settings, with};
@@ -43,7 +44,7 @@ fn any_executable_can_take_a_stages_place() {
     let exec = r#"<Filter exec="./mine" args="-v  --fast" name="Mine" restart="on-failure"><K>3</K></Filter>"#;
     let mission = parse(&with(exec), &[]).unwrap();
     let mine = mission.apps.iter().find(|app| app.name == "Mine").unwrap();
-    let Program::Foreign { exec, args, piped: false } = &mine.program else { panic!("not foreign") };
+    let Program::Foreign { exec, args, via: Via::Itself } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.len()), (Path::new("./mine"), 2));
     assert_eq!(mine.policy, Policy { restart: Restart::OnFailure, ..Policy::default() });
     assert_eq!(settings(&mission, "Mine"), "K=3 Input=SCAN Output=SCAN_1");
@@ -240,11 +241,11 @@ fn a_mission_written_down_again_is_the_same_mission() {
         for (one, other) in again.apps.iter().zip(&mission.apps) {
             assert_eq!((&one.name, &one.element, one.type_name()), (&other.name, &other.element, other.type_name()));
             assert_eq!((&one.settings, one.policy), (&other.settings, other.policy));
-            if let (Program::Foreign { exec, args, piped }, Program::Foreign { args: others, piped: was, .. }) =
+            if let (Program::Foreign { exec, args, via }, Program::Foreign { args: others, via: was, .. }) =
                 (&one.program, &other.program)
             {
-                assert!(exec.is_absolute() && args == others && piped == was);
-                assert_eq!(args.len(), if *piped { 3 } else { 1 });
+                assert!(exec.is_absolute() && args == others && via == was);
+                assert_eq!(args.len(), if *via == Via::Lines { 3 } else { 1 });
             }
         }
     }

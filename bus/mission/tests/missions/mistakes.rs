@@ -130,7 +130,7 @@ fn all_mistakes_are_reported_together_in_the_order_of_the_file() {
         "m.xml:1:1: the Scenario has no <Map>; right is one\n\
          m.xml:1:1: the Scenario has no <Controller>; right is one\n\
          m.xml:1:17: a Scenario of type \"atuo\" is unknown; did you mean auto?\n\
-         m.xml:1:23: Scenario has no attribute vers; known: name, type, version, broker-restarts, broker-window, mailbox\n\
+         m.xml:1:23: Scenario has no attribute vers; known: name, type, version, community, launch-pause, broker-restarts, broker-window, mailbox, time-warp\n\
          m.xml:1:41: version \"2\" is unknown; right is \"1\"\n\
          m.xml:3:3: Explorer Potential needs the parameter Dim; right is three numbers \"x; y; z\", in m\n\
          m.xml:3:35: Mid: \"0;0\" has 2 numbers; right is three numbers \"x; y; z\", in m\n\

@@ -73,6 +73,26 @@ impl Address {
         self.0.rsplit_once(':').map_or("", |(host, _)| host)
     }
 
+    /// The host that a client of this machine connects to.
+    pub fn host_to_connect_to(&self) -> &str {
+        match self.host() {
+            "0.0.0.0" | "[::]" => "localhost",
+            host => host.trim_start_matches('[').trim_end_matches(']'),
+        }
+    }
+
+    /// The same, with a port that is free now if any was right (`0`): for whoever has to name it before anybody listens there.
+    ///
+    /// # Errors
+    /// There is none, or the host is nobody's.
+    pub fn settled(&self) -> std::io::Result<Self> {
+        if self.port() != "0" {
+            return Ok(self.clone());
+        }
+        let port = TcpListener::bind(&self.0)?.local_addr()?.port();
+        Ok(Self(format!("{}:{port}", self.host())))
+    }
+
     /// The port, as it was said.
     pub fn port(&self) -> &str {
         self.0.rsplit_once(':').map_or("", |(_, port)| port)
@@ -194,6 +214,12 @@ mod tests {
         for good in ["127.0.0.1:9000", "localhost:9000", "[::1]:9000", "0.0.0.0:0"] {
             assert_eq!(good.parse::<Address>().unwrap().to_string(), good);
         }
+        let settled = |said: &str| said.parse::<Address>().unwrap().settled().unwrap();
+        assert_eq!(settled("localhost:9000").to_string(), "localhost:9000");
+        let any = settled("127.0.0.1:0");
+        assert!(any.host() == "127.0.0.1" && any.port() != "0", "{any}");
+        let connected = |said: &str| said.parse::<Address>().unwrap().host_to_connect_to().to_owned();
+        assert_eq!(["0.0.0.0:1", "[::1]:1", "boat:1"].map(connected), ["localhost", "::1", "boat"]);
         for bad in ["", "9000", "127.0.0.1", ":9000", "a b:9000", "127.0.0.1:90000", "127.0.0.1:x"] {
             let said = bad.parse::<Address>().unwrap_err().to_string();
             assert!(said.contains("right is HOST:PORT"), "{said}");

@@ -8,6 +8,15 @@ use serde_json::{Map, Value};
 
 use super::keys::width;
 
+/// How poses in space are told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Poses {
+    /// As a rotation and a translation.
+    InSpace,
+    /// As three numbers, x and y (m) and the heading (rad); what else they have is left out.
+    InPlane,
+}
+
 /// The numbers of a pose in the plane.
 pub const NUMBERS: usize = 3;
 /// Digits of a heading behind the point: more are rounding.

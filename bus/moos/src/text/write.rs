@@ -4,7 +4,7 @@ use elk_describe::{Content, Field, Kind};
 use serde_json::Value;
 
 use super::keys::{NAME, VALUE, has_field, joined, key, width};
-use super::{Poses, pose};
+use super::pose::{self, Poses};
 
 /// The text of a value of `variable`, which is said as JSON.
 pub fn text(kind: &Kind, variable: &str, json: &Value, poses: Poses) -> String {

@@ -203,7 +203,7 @@ fn nobody_is_to_blame_for_a_silence_of_everybody() {
 #[test]
 fn a_swap_hands_over_and_tells_the_gap() {
     let mut all = running(Never);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     assert_eq!(todo(&mut all), ["Start(2, Successor)"]);
     all.ready("Explorer", at(1.25));
     assert_eq!(todo(&mut all), ["7… the new Explorer is ready"]);
@@ -216,7 +216,7 @@ fn a_swap_hands_over_and_tells_the_gap() {
 #[test]
 fn a_swap_without_mail_succeeds_once_the_old_one_has_left() {
     let mut all = running(Never);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     all.ready("Explorer", at(1.2));
     all.take_actions();
     all.ended(EXPLORER, Role::Holder, well(), at(1.3));
@@ -229,7 +229,7 @@ fn a_swap_without_mail_succeeds_once_the_old_one_has_left() {
 #[test]
 fn an_end_that_is_seen_before_the_word_of_it_is_heard_is_no_surprise() {
     let mut all = running(Never);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     all.take_actions();
     all.ended(EXPLORER, Role::Holder, well(), at(1.1));
     assert_eq!(todo(&mut all), ["TakeOver(2)"]);
@@ -242,7 +242,7 @@ fn an_end_that_is_seen_before_the_word_of_it_is_heard_is_no_surprise() {
 #[test]
 fn a_successor_that_dies_or_dawdles_changes_nothing() {
     let mut all = running(Never);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     all.take_actions();
     all.ended(EXPLORER, Role::Successor, crash(), at(1.1));
     let failed = "7! the new Explorer ended before it was ready: exit code 1; it said:\n    alas\n\
@@ -250,14 +250,14 @@ fn a_successor_that_dies_or_dawdles_changes_nothing() {
     assert_eq!(todo(&mut all), [failed]);
     assert_eq!(all.units[EXPLORER].state, State::Running);
 
-    all.order_swap(8, EXPLORER, at(20.0), at(2.0));
+    all.order_swap(8, EXPLORER, at(20.0), false, at(2.0));
     all.take_actions();
     all.tick(at(22.0));
     let failed =
         "8! the new Explorer was not ready within 20 s\nnothing is changed: the old Explorer goes on".to_owned();
     assert_eq!(todo(&mut all), ["Discard(2)".to_owned(), failed]);
     // And if it cannot even be started:
-    all.order_swap(9, EXPLORER, at(20.0), at(30.0));
+    all.order_swap(9, EXPLORER, at(20.0), false, at(30.0));
     all.take_actions();
     all.not_started(EXPLORER, Role::Successor, LaunchError::Stopped, at(30.0));
     assert_eq!(todo(&mut all), ["9! stopped\nnothing is changed: the old Explorer goes on"]);
@@ -266,7 +266,7 @@ fn a_successor_that_dies_or_dawdles_changes_nothing() {
 #[test]
 fn a_holder_that_does_not_leave_is_killed() {
     let mut all = running(Never);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     all.ready("Explorer", at(2.0));
     all.take_actions();
     all.tick(at(7.0));
@@ -280,7 +280,7 @@ fn a_holder_that_does_not_leave_is_killed() {
 #[test]
 fn a_holder_that_dies_before_its_successor_is_ready_is_followed_all_the_same() {
     let mut all = running(Never);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     all.take_actions();
     all.ended(EXPLORER, Role::Holder, crash(), at(1.1));
     assert_eq!(
@@ -291,7 +291,7 @@ fn a_holder_that_dies_before_its_successor_is_ready_is_followed_all_the_same() {
     all.handed_over("Explorer", 400.0, at(1.5));
     assert_eq!(todo(&mut all)[1], "7: Explorer is swapped, in 500 ms: gap 400.0 ms");
     // If that one dies as well, the policy says what happens.
-    all.order_swap(8, EXPLORER, at(20.0), at(2.0));
+    all.order_swap(8, EXPLORER, at(20.0), false, at(2.0));
     all.ended(EXPLORER, Role::Holder, crash(), at(2.1));
     all.take_actions();
     all.ended(EXPLORER, Role::Holder, crash(), at(2.2));
@@ -311,7 +311,7 @@ fn a_stopped_app_fails_nothing_and_starts_again() {
     assert_eq!(todo(&mut all), ["7: Map is stopped"]);
     all.order_stop(8, MAP, at(1.3));
     assert_eq!(todo(&mut all), ["8! Map is stopped already"]);
-    all.order_swap(8, MAP, at(20.0), at(1.3));
+    all.order_swap(8, MAP, at(20.0), false, at(1.3));
     assert_eq!(todo(&mut all), ["8! Map is stopped: only an app that runs can be swapped"]);
     all.order_start(9, MAP, at(20.0), at(2.0));
     assert_eq!(todo(&mut all), ["Start(1, Holder)"]);
@@ -354,7 +354,7 @@ fn an_app_is_stopped_out_of_its_pause() {
 #[test]
 fn at_the_end_all_are_stopped_one_after_the_other_and_nobody_comes_back() {
     let mut all = running(Always);
-    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.order_swap(7, EXPLORER, at(20.0), false, at(1.0));
     all.take_actions();
     all.end(at(2.0));
     let said = todo(&mut all);
@@ -402,4 +402,35 @@ fn whoever_is_dead_at_the_end_has_not_done_what_it_does_there() {
     all.ended(EXPLORER, Role::Holder, well(), at(1.06));
     assert_eq!(todo(&mut all), ["Ask(2)".to_owned(), failed("signal 9 (SIGKILL)")]);
     assert!(all.all_ended());
+}
+
+#[test]
+fn of_a_name_that_two_cannot_have_the_old_one_leaves_first() {
+    let mut all = running(Never);
+    all.order_swap(7, EXPLORER, at(20.0), true, at(1.0));
+    assert_eq!(todo(&mut all), ["Ask(2)"]);
+    all.ended(EXPLORER, Role::Holder, killed(), at(1.5));
+    assert_eq!(todo(&mut all), ["Exchange(2)", "Start(2, Holder)"]);
+    all.arrived("Explorer", at(2.0));
+    let done = "Explorer is swapped, in 1000 ms: nobody was there for 500 ms";
+    assert_eq!(todo(&mut all), [format!("say {done}"), format!("7: {done}")]);
+    assert_eq!((all.units[EXPLORER].swaps, all.units[EXPLORER].state), (1, State::Running));
+    // One that ends, or does not come, makes room for the old one.
+    all.order_swap(8, EXPLORER, at(20.0), true, at(3.0));
+    all.ended(EXPLORER, Role::Holder, well(), at(3.1));
+    all.take_actions();
+    all.ended(EXPLORER, Role::Holder, crash(), at(3.2));
+    let failed = "8! the new Explorer ended before it registered: exit code 1; it said:\n    alas\n\
+                  the old Explorer is started again";
+    assert_eq!(todo(&mut all), [failed, "Exchange(2)", "Start(2, Holder)"]);
+    all.arrived("Explorer", at(3.3));
+    all.order_swap(9, EXPLORER, at(20.0), true, at(4.0));
+    all.ended(EXPLORER, Role::Holder, well(), at(4.1));
+    all.take_actions();
+    all.tick(at(24.2));
+    assert_eq!(todo(&mut all), ["Kill(2)"]);
+    all.ended(EXPLORER, Role::Holder, killed(), at(24.3));
+    let said = todo(&mut all);
+    assert!(said[0].starts_with("9! the new Explorer ended before it registered: killed, not registered within 20 s"));
+    assert_eq!(said[1..], ["Exchange(2)", "Start(2, Holder)"]);
 }
