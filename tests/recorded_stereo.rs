@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use common::{Elk, said, summary_of};
 use elk_log::LogReader;
-use elk_map::agreement::agreement;
+use elk_map::comparison::compare;
 use elk_map::{MapConfig, OccupancyMap, Saved};
 use elk_sensor::simulated_stereo::{Eyes, Look, Texture};
 use elk_sensor::{Camera, Pose};
@@ -205,7 +205,7 @@ fn pairs_are_matched_localised_and_mapped_and_the_map_is_had_again_byte_for_byte
         let config = MapConfig { resolution: 0.1, ..MapConfig::default() };
         OccupancyMap::from_saved(config, &Saved::read(&map(&elk, logs)).unwrap()).unwrap()
     });
-    let shares = [agreement(&maps[0], maps[1].grid(), 1), agreement(&maps[1], maps[0].grid(), 1)];
+    let shares = [compare(&maps[0], maps[1].grid(), 1), compare(&maps[1], maps[0].grid(), 1)];
     assert!(shares.iter().all(|one| one.shares()[1] > 0.95) && maps[0].grid().free() > 1000, "{shares:?}");
 
     let mut log = LogReader::open(&elk.run_in("estimated")).unwrap();
