@@ -407,6 +407,7 @@ fn long_lies() -> Vec<(String, Value)> {
         requests: 0,
         path_length_m: 0.0,
         leg: None,
+        drive: None,
         samples,
     };
     vec![

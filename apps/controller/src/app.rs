@@ -8,12 +8,13 @@ use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN,
-    PLAN_REQUEST, POSE_COMMAND, PROGRESS, STEP, camera_pose,
+    PLAN_REQUEST, POSE_COMMAND, PROGRESS, STEP, TRAVEL_REPORT, camera_pose,
 };
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory, Plan};
 
 use crate::allowance::Allowance;
+use crate::drive::Robot;
 use crate::follower::{Action, Follower, Unfit};
 use crate::pace::Pace;
 
@@ -27,6 +28,9 @@ pub(crate) const TYPE: AppType = AppType {
     preflight: None,
 };
 
+/// So many times it is said that the robot stopped.
+const STOPS_SAID: u64 = 20;
+
 /// How often it is seen whether a robot that takes its time has arrived.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
@@ -39,13 +43,16 @@ pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str,
 pub(crate) const MANUAL: ParamSpec =
     param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause.");
 
+/// Where a controller that follows paths hears of the camera's pose.
+pub(crate) const POSE_VARIABLE: ParamSpec = param(
+    "MOOSPoseVarName",
+    Kind::Variable,
+    CAMERA_POSE,
+    "Variable under which the sensor publishes the camera's pose.",
+);
+
 const PARAMS: &[ParamSpec] = &[
-    param(
-        "MOOSPoseVarName",
-        Kind::Variable,
-        CAMERA_POSE,
-        "Variable under which the sensor publishes the camera's pose.",
-    ),
+    POSE_VARIABLE,
     param(
         "Pace",
         Kind::Number { unit: "", min: 0.0, max: 1000.0 },
@@ -72,18 +79,31 @@ pub struct ControllerApp {
     held: VecDeque<Action>,
     /// The memory as it was last published.
     remembered: Option<MotionMemory>,
+    /// How often a robot that takes its time had stopped when that was last said.
+    stops: u64,
 }
 
 impl ControllerApp {
-    /// A controller with checked parameters.
+    /// A controller whose robot is where it is sent at once, with checked parameters.
     pub fn new(params: &Params) -> Self {
+        let pace = Pace::new(params.number("Speed"), params.number("TurnRate").to_radians(), params.number("Pace"));
+        Self { pace, ..Self::with(params, Follower::default()) }
+    }
+
+    /// One whose robot takes its time.
+    pub fn driving(params: &Params, robot: Robot) -> Self {
+        Self::with(params, Follower::of(Some(robot)))
+    }
+
+    fn with(params: &Params, follower: Follower) -> Self {
         Self {
-            follower: Follower::default(),
+            follower,
             camera_pose: camera_pose(params.text("MOOSPoseVarName")),
             allowance: Allowance { paused: params.flag("Manual"), ..Allowance::default() },
-            pace: Pace::new(params.number("Speed"), params.number("TurnRate").to_radians(), params.number("Pace")),
+            pace: Pace::default(),
             held: VecDeque::new(),
             remembered: None,
+            stops: 0,
         }
     }
 
@@ -113,7 +133,8 @@ impl ControllerApp {
     }
 
     fn succeed(&mut self, _: &mut Comms, memory: MotionMemory) -> Result<(), AppError> {
-        self.follower = Follower::successor(&memory).map_err(Rejection::new)?;
+        self.follower = Follower::successor(&memory, self.follower.robot().copied()).map_err(Rejection::new)?;
+        self.stops = self.follower.robot().map_or(0, |robot| robot.stops);
         self.allowance = self.allowance.successor(&memory);
         self.remembered = Some(memory);
         Ok(())
@@ -180,7 +201,27 @@ impl ControllerApp {
             comms.publish(&MOTION_MEMORY, &memory)?;
             self.remembered = Some(memory);
         }
-        actions.iter().try_for_each(|action| publish(comms, action))
+        self.tell_of_stop(comms.name());
+        actions.iter().try_for_each(|action| {
+            publish(comms, action)?;
+            let travel = self.follower.travel().filter(|_| matches!(action, Action::Command(_)));
+            travel.iter().try_for_each(|travel| Ok(comms.publish(&TRAVEL_REPORT, travel)?))
+        })
+    }
+
+    /// Says where the robot stopped, if it did; after some times no more.
+    fn tell_of_stop(&mut self, name: &str) {
+        let Some(robot) = self.follower.robot().filter(|robot| robot.stops > self.stops) else { return };
+        self.stops = robot.stops;
+        let (p, secs) = (robot.body.position, robot.secs);
+        if self.stops <= STOPS_SAID {
+            let more = if self.stops == STOPS_SAID { "; later stops are only counted" } else { "" };
+            tell(format_args!(
+                "{name}: after {secs:.1} s the robot stopped at ({:.2}; {:.2}; {:.2}) m: on its way it would have left what is known \
+                 to be free with its clearance; it asks for another way{more}",
+                p.x, p.y, p.z
+            ));
+        }
     }
 }
 
@@ -236,6 +277,7 @@ mod tests {
             pace: Pace::default(),
             held: VecDeque::new(),
             remembered: None,
+            stops: 0,
         };
         app.on_the_bus()
     }

@@ -20,9 +20,11 @@ use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
 };
+use elk_spatial::travel::{Drive, TravelReport};
 use nalgebra::Point3;
 
 use crate::allowance::Allowance;
+use crate::drive::{Body, Corridor, Errand, Robot};
 use crate::record::Record;
 
 /// A robot that says that it is at most so far (m) from where it was sent has arrived there: a fraction of any voxel in which plans are made.
@@ -92,6 +94,10 @@ pub struct Follower {
     early: Option<Plan>,
     /// What it waits for is a predecessor's word, which perhaps never came to be said.
     inherited: bool,
+    /// The robot, if it takes its time; else it is where it is sent at once.
+    robot: Option<Robot>,
+    /// How a robot before this one moved that took its time.
+    drive: Option<Drive>,
 }
 
 impl Default for Follower {
@@ -110,17 +116,25 @@ impl Default for Follower {
             record: Record::default(),
             early: None,
             inherited: false,
+            robot: None,
+            drive: None,
         }
     }
 }
 
 impl Follower {
-    /// The successor of one that left this memory.
+    /// One whose robot takes its time, if it is one.
+    pub fn of(robot: Option<Robot>) -> Self {
+        Self { robot, ..Self::default() }
+    }
+
+    /// The successor of one that left this memory, with a robot that takes its time, if it is one.
     ///
     /// # Errors
     /// It was on a path that nobody could go.
-    pub fn successor(memory: &MotionMemory) -> Result<Self, Unfit> {
+    pub fn successor(memory: &MotionMemory, robot: Option<Robot>) -> Result<Self, Unfit> {
         let underway = memory.leg.clone().map(Underway::on).transpose()?;
+        let robot = robot.map(|robot| recalled(&robot, memory));
         Ok(Self {
             pose: memory.pose,
             awaited: memory.awaited.clone(),
@@ -131,8 +145,21 @@ impl Follower {
             path_length_m: memory.path_length_m,
             record: Record::from(memory.samples.clone()),
             inherited: true,
+            robot,
+            drive: memory.drive.clone(),
             ..Self::default()
         })
+    }
+
+    /// The robot, if it takes its time.
+    pub fn robot(&self) -> Option<&Robot> {
+        self.robot.as_ref()
+    }
+
+    /// How long a robot that takes its time is on its way at the end of the last command.
+    pub fn travel(&self) -> Option<TravelReport> {
+        let Robot { secs, stops, .. } = self.robot.as_ref()?;
+        Some(TravelReport { command: self.commands, secs: *secs, stops: *stops })
     }
 
     /// What a successor has to know, of what a person allowed as well.
@@ -148,6 +175,7 @@ impl Follower {
             requests: self.requests,
             path_length_m: self.path_length_m,
             leg: self.underway.as_ref().map(|u| u.leg.clone()),
+            drive: self.robot.as_ref().map(left).or_else(|| self.drive.clone()),
             samples: self.record.samples().to_vec(),
         }
     }
@@ -175,11 +203,13 @@ impl Follower {
     pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Result<Vec<Action>, Unfit> {
         if self.inherited && self.commands > camera.command + MAX_COMMANDS_LOST {
             // The sensor has the last word: what was remembered is of another run, or made up.
-            *self = Self { replica: self.replica.clone(), ..Self::default() };
+            let robot = self.robot.as_ref().map(Robot::anew);
+            *self = Self { replica: self.replica.clone(), robot, ..Self::default() };
         }
         if self.awaited == Awaited::Start || self.began_beside(camera) {
             self.carried_out = camera.command;
             self.commands = camera.command;
+            self.robot.iter_mut().for_each(|robot| robot.stand(&camera.pose));
             return Ok(vec![self.command(camera.pose, vec![])]);
         }
         if self.inherited && (self.commands..=self.commands + MAX_COMMANDS_LOST).contains(&camera.command) {
@@ -225,8 +255,13 @@ impl Follower {
             _ => (camera.pose, camera.command),
         };
         self.carried_out = camera.command;
+        let place = camera.pose.position();
+        let robot = self.robot.as_mut().filter(|_| self.pose == camera.pose);
+        let stands_before = robot.as_ref().map(|robot| (robot.from - place).norm() < 1e-6);
+        robot.into_iter().for_each(|robot| robot.stand(&camera.pose));
         if let Some(underway) = &mut self.underway {
-            let stays = camera.command == self.commands && underway.stands_before_step(camera.pose.position());
+            let stays = stands_before.unwrap_or_else(|| underway.stands_before_step(place));
+            let stays = camera.command == self.commands && stays;
             let leg = &mut underway.leg;
             // Of the step that it did not take, once.
             self.path_length_m -= std::mem::take(&mut leg.step_m);
@@ -359,17 +394,15 @@ impl Follower {
             return self.request(Outcome::First);
         };
         underway.leg.step_m = 0.0;
-        let (from, to) = match underway.next(self.replica.grid()) {
+        let step = match underway.next(self.replica.grid()) {
             Next::Ask(outcome) => return self.request(outcome),
-            Next::Look(pose) => {
-                self.underway = Some(underway);
-                return self.command(pose, vec![]);
-            }
-            Next::Travel { from, to } => (from, to),
+            Next::Look(pose) => Step { way: None, from: 0.0, to: 0.0, pose },
+            Next::Travel { from, to } => Step { way: Some(underway.way.clone()), from, to, pose: underway.pose_at(to) },
         };
-        let via = underway.way.bends(from, to);
-        let pose = underway.pose_at(to);
-        underway.leg.step_m = to - from;
+        let (pose, via) = match &mut self.robot {
+            None => step.at_once(&mut underway.leg),
+            Some(robot) => step.ridden(robot, &mut underway, self.replica.grid(), self.commands + 1),
+        };
         self.path_length_m += underway.leg.step_m;
         self.underway = Some(underway);
         self.command(pose, via)
@@ -410,6 +443,65 @@ impl Follower {
 fn has_arrived(pose: &Pose, sent: &Pose) -> bool {
     let turned = pose.0.rotation.angle_to(&sent.0.rotation);
     pose == sent || ((pose.position() - sent.position()).norm() <= ARRIVED_M && turned <= ARRIVED_RAD)
+}
+
+/// A part of a way, or a look from where one is, and the pose at its end.
+struct Step {
+    way: Option<Polyline>,
+    from: f64,
+    to: f64,
+    pose: Pose,
+}
+
+impl Step {
+    /// Of a robot that is where it is sent at once: the pose, and the points to pass before it.
+    fn at_once(self, leg: &mut Leg) -> (Pose, Vec<Point3<f64>>) {
+        leg.step_m = self.to - self.from;
+        (self.pose, self.way.map_or_else(Vec::new, |way| way.bends(self.from, self.to)))
+    }
+
+    /// Of one that takes its time: where it gets, and how.
+    fn ridden(
+        self,
+        robot: &mut Robot,
+        underway: &mut Underway,
+        grid: &OccupancyGrid,
+        number: u64,
+    ) -> (Pose, Vec<Point3<f64>>) {
+        let Self { from, to, pose, .. } = self;
+        let is_travel = self.way.is_some();
+        let Some(way) = self.way.or_else(|| Polyline::new([pose.position()])) else { return (pose, vec![]) };
+        let corridor = Corridor::along(grid, &underway.clearance, &way, from);
+        let ride = robot.ride(&Errand { way: &way, from, to, pose, number }, corridor);
+        let leg = &mut underway.leg;
+        leg.step_m = ride.length_m;
+        if is_travel {
+            leg.done_m = ride.done_m;
+        }
+        if ride.is_stopped {
+            leg.ended = Some(Outcome::Cut);
+        }
+        let passed = ride.trace.get(1..ride.trace.len() - 1).unwrap_or_default().to_vec();
+        (robot.body.pose(), passed)
+    }
+}
+
+/// What is left to a successor of how a robot moves.
+fn left(robot: &Robot) -> Drive {
+    let Robot { body, secs, stops, from, .. } = robot;
+    Drive { from: *from, yaw: body.yaw, pitch: body.pitch, rates: body.rates, secs: *secs, stops: *stops }
+}
+
+/// A robot that goes on as one that left this memory moved; where that is not how its pose has come about, it stands there.
+fn recalled(robot: &Robot, memory: &MotionMemory) -> Robot {
+    let mut robot = robot.anew();
+    robot.stand(&memory.pose);
+    if let Some(Drive { from, yaw, pitch, rates, secs, stops }) = &memory.drive {
+        let body = Body { position: memory.pose.position(), yaw: *yaw, pitch: *pitch, rates: *rates };
+        robot.body = if body.pose() == memory.pose { body } else { robot.body };
+        (robot.from, robot.secs, robot.stops) = (*from, *secs, *stops);
+    }
+    robot
 }
 
 /// What to do next on a leg.

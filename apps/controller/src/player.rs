@@ -70,6 +70,7 @@ impl Player {
             requests: 0,
             path_length_m: playback.path_length_m,
             leg: None,
+            drive: None,
             samples: self.record.samples().to_vec(),
         })
     }

@@ -9,7 +9,7 @@ use elk_spatial::Replica;
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::keys::{
     EXPLORATION_REPORT, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND, PROGRESS, SENSOR_REPORT,
-    camera_pose,
+    TRAVEL_REPORT, camera_pose,
 };
 use elk_spatial::messages::{CameraPose, ExplorationReport, MotionReport, PoseCommand, Progress};
 
@@ -33,7 +33,8 @@ struct Heard<'a> {
     pose: Option<Pose>,
     command: Option<PoseCommand>,
     rotation_rad: f64,
-    travel_secs: f64,
+    /// As the controller says it, or its speeds do.
+    travel_secs: Option<f64>,
     scans: u64,
     contacts: u64,
     /// CPU time of each plan (s).
@@ -61,6 +62,7 @@ impl<'a> Observer<'a> {
         comms.register(&PLAN)?;
         comms.register(&SENSOR_REPORT)?;
         comms.register(&MOTION_REPORT)?;
+        comms.register(&TRAVEL_REPORT)?;
         comms.register(&EXPLORATION_REPORT)?;
         comms.flush()?;
         let heard = Heard {
@@ -70,7 +72,7 @@ impl<'a> Observer<'a> {
             pose: None,
             command: None,
             rotation_rad: 0.0,
-            travel_secs: 0.0,
+            travel_secs: site.speed.map(|_| 0.0),
             scans: 0,
             contacts: 0,
             plan_secs: Vec::new(),
@@ -100,12 +102,12 @@ impl<'a> Observer<'a> {
 
     /// What of the run is more than it may take.
     pub fn beyond(&self, limits: &Limits) -> Option<String> {
-        let Heard { scans, travel_secs, site, .. } = &self.heard;
+        let Heard { scans, travel_secs, .. } = &self.heard;
         let way_m = self.heard.way_m();
         match () {
             () if *scans > limits.scans => Some(format!("more than {} scans", limits.scans)),
             () if way_m > limits.way_m => Some(format!("a way of more than {} m", limits.way_m)),
-            () if site.speed.is_some() && *travel_secs > limits.travel_secs => {
+            () if travel_secs.is_some_and(|secs| secs > limits.travel_secs) => {
                 Some(format!("more than {} s on the way", limits.travel_secs))
             }
             () => None,
@@ -135,7 +137,7 @@ impl<'a> Observer<'a> {
             rotation_deg: heard.rotation_rad.to_degrees(),
             scans: heard.scans,
             plans: heard.exploration.as_ref().map_or(heard.plan_secs.len() as u64, |report| report.plans),
-            travel_secs: site.speed.map(|_| heard.travel_secs),
+            travel_secs: heard.travel_secs,
             marks: SHARES.map(|share| way_to(&heard.trace, share)),
             area_m: area_above(&heard.trace),
             coverage: heard.coverage.share(),
@@ -178,6 +180,7 @@ impl Heard<'_> {
                 let report = mail.decode(&SENSOR_REPORT)?;
                 (self.scans, self.contacts) = (report.scans, report.contacts.unwrap_or(0));
             }
+            () if mail.is(&TRAVEL_REPORT) => self.travel_secs = Some(mail.decode(&TRAVEL_REPORT)?.secs),
             () if mail.is(&MOTION_REPORT) => self.motion = Some(mail.decode(&MOTION_REPORT)?),
             () if mail.is(&EXPLORATION_REPORT) => self.exploration = Some(mail.decode(&EXPLORATION_REPORT)?),
             () => {}
@@ -190,7 +193,8 @@ impl Heard<'_> {
         let went = self.command.take_if(|command| command.id == camera.command && command.pose == camera.pose);
         if let (Some(from), Some(command)) = (self.pose, went) {
             self.rotation_rad += from.0.rotation.angle_to(&command.pose.0.rotation);
-            self.travel_secs += self.site.speed.map_or(0.0, |speed| speed.secs(&from, &command));
+            let secs = self.site.speed.map(|speed| speed.secs(&from, &command));
+            self.travel_secs = self.travel_secs.zip(secs).map(|(before, secs)| before + secs).or(self.travel_secs);
         }
         self.pose = Some(camera.pose);
     }

@@ -43,6 +43,12 @@ const COUNT: Kind = Kind::Integer { min: 1, max: 1_000_000_000 };
 const MID: ParamSpec = param("Mid", POINT, "0; 0; 0", "Middle of the volume to explore.");
 const DIM: ParamSpec =
     param("Dim", SIZE, "0; 0; 0", "Size of the volume to explore; all 0: everything that can be reached.");
+const PLANAR: ParamSpec = param(
+    "Planar",
+    Kind::Flag,
+    "false",
+    "The robot stays at the height at which it is, and explores the slice of the map there (thesis 6.5.4).",
+);
 const RES: ParamSpec = param("Res", metres(&RESOLUTIONS_M), "0.1", "Edge of a voxel: the map's.");
 const POLICY: ParamSpec = param(
     "Policy",
@@ -77,7 +83,7 @@ const MAX_BRICKS_PARAM: ParamSpec = param(
 );
 /// The parameters that all explorers have.
 pub const COMMON: &[ParamSpec] =
-    &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, MAX_BRICKS_PARAM];
+    &[MID, DIM, PLANAR, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, MAX_BRICKS_PARAM];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {
@@ -106,6 +112,7 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
             _ => Policy::elk(spacing),
         },
         bounds: bounds(params),
+        planar: params.flag("Planar"),
         radius_m: params.number("Radius"),
         clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
         min_frontier: count("MinFrontier") as usize,

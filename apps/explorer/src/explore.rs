@@ -5,6 +5,7 @@ mod memory;
 mod nearest;
 mod scene;
 mod settings;
+mod slice;
 mod verdict;
 
 pub use settings::Settings;
@@ -15,7 +16,7 @@ use std::collections::BTreeSet;
 use elk_bus::drawing::Drawing;
 use elk_bus::tell;
 use elk_geometry::frontier::Edges;
-use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
+use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
 use elk_spatial::CameraInfo;
 use elk_spatial::candidates::Candidates;
 use elk_spatial::checks::MAX_COUNT;
@@ -35,6 +36,7 @@ use crate::target::{Known, Target};
 use crate::weighed::Weighed;
 use memory::Memory;
 use scene::Scene;
+use slice::slab;
 use verdict::{StopReason, Verdict};
 
 /// Plans, remembers what it tried, and knows when it is done.
@@ -60,6 +62,12 @@ pub struct Explorer {
     scene: Option<Scene>,
     /// Voxels in which the map has changed since.
     changed: VoxelSet,
+    /// The volume to explore, all of it; what of it is explored is in the settings.
+    volume: Option<Bounds>,
+    /// The layer of voxels that a robot explores which stays in it, by its index along z.
+    layer: Option<i32>,
+    /// Whether the map is full.
+    is_full: bool,
 }
 
 impl Explorer {
@@ -72,6 +80,9 @@ impl Explorer {
             past: ExplorerPast::default(),
             journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
             frontier: FrontierSet::new(settings.bounds),
+            volume: settings.bounds,
+            layer: None,
+            is_full: false,
             settings,
             plans: 0,
             report: None,
@@ -93,6 +104,7 @@ impl Explorer {
 
     /// Whether the map is full, and comes to know nothing of bricks that it does not have.
     pub fn hear_whether_full(&mut self, full: bool, grid: &OccupancyGrid) {
+        self.is_full = full;
         let rim = self.frontier.set_full(full, grid);
         rim.into_iter().for_each(|brick| self.changed.unite(brick, &mask::ALL));
     }
@@ -117,7 +129,9 @@ impl Explorer {
         let strategy = [self.strategy.name().to_string(), self.strategy.describe()];
         let named = strategy.iter().filter(|s| !s.is_empty());
         let named: Vec<&str> = named.map(String::as_str).collect();
-        format!("{}; {}; clearance {} m", named.join(": "), self.settings.policy.describe(), self.settings.radius_m)
+        let slice = if self.settings.planar { "; the slice of the map at the robot's height" } else { "" };
+        let (policy, radius) = (self.settings.policy.describe(), self.settings.radius_m);
+        format!("{}; {policy}; clearance {radius} m{slice}", named.join(": "))
     }
 
     /// Why it ended and what is left; there once a plan was [`Decision::Done`].
@@ -217,10 +231,25 @@ impl Explorer {
 
     /// Answers a request from a map at the asked revision, all of whose changes it has heard of.
     pub fn plan(&mut self, grid: &OccupancyGrid, request: &PlanRequest) -> Plan {
+        if self.settings.planar {
+            self.stay_level(grid, Voxel::containing(request.pose.position(), grid.resolution()).z);
+        }
         let frontier = std::mem::take(&mut self.frontier);
         let plan = self.plan_over(Known { grid, frontier: &frontier, sight: self.sight }, request);
         self.frontier = frontier;
         plan
+    }
+
+    /// What it explores is a layer of voxels; the frontier of another one is made anew.
+    fn stay_level(&mut self, grid: &OccupancyGrid, layer: i32) {
+        if self.layer.replace(layer) == Some(layer) {
+            return;
+        }
+        self.settings.bounds = Some(slab(self.volume, layer, grid.resolution()));
+        self.frontier = FrontierSet::new(self.settings.bounds);
+        self.frontier.set_full(self.is_full, grid);
+        self.frontier.update(grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        self.scene = None;
     }
 
     fn plan_over(&mut self, known: Known, request: &PlanRequest) -> Plan {
@@ -365,7 +394,10 @@ impl Explorer {
     }
 
     /// The path to follow, and what to do at its end.
-    fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
+    fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, mut way: Vec<Point3<f64>>) -> Path {
+        if let Some(height) = way.first().map(|robot| robot.z).filter(|_| self.settings.planar) {
+            way.iter_mut().for_each(|point| point.z = height);
+        }
         let (space, target) = (&scene.space, &goal.target);
         let (policy, range_m) = (&self.settings.policy, self.sight.range_m);
         let path = self.journal.time("path", || {
@@ -390,6 +422,11 @@ impl Explorer {
         let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         let Verdict { complete, mut reason } = Verdict::of(why, &left, scene, known.grid, &self.settings);
+        if self.settings.planar {
+            let height = scene.space.center(scene.robot()).z;
+            reason +=
+                &format!("; explored was the slice of the map at z = {height:.2} m, in which the robot stays (Planar)");
+        }
         let (plans, fallbacks) = (self.plans, self.journal.fallbacks);
         if fallbacks > 0 {
             reason +=

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use elk_geometry::bricks::brick_of;
+use elk_geometry::bricks::{brick_of, voxel_at};
 use elk_geometry::clearance::Clearance;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::visibility::sees;
@@ -18,7 +18,7 @@ const ESCAPE_VOXELS: u32 = 8;
 pub struct Space {
     /// The voxels that are free.
     pub free: VoxelSet,
-    /// The robot's component of the free voxels (connected over faces).
+    /// The robot's component of the free voxels (connected over faces), of those in its layer if it stays in that.
     pub component: Component,
     /// The voxels that the robot can get to with its clearance kept, from what is occupied and from what is unknown.
     pub reach: Component,
@@ -31,6 +31,10 @@ pub struct Space {
     /// Where it was refused to go.
     barred: VoxelSet,
     passable: VoxelSet,
+    /// The layer of voxels that the robot stays in, by its index along z; `None`: it goes anywhere.
+    layer: Option<i32>,
+    /// What is free there; nothing, if it goes anywhere.
+    ground: VoxelSet,
     /// Smallest and largest of the bricks that were heard of.
     known: Option<[Voxel; 2]>,
 }
@@ -42,6 +46,26 @@ impl Space {
         grid: &OccupancyGrid,
         robot: Voxel,
         clearance: &Clearance,
+        been: (impl IntoIterator<Item = &'a Voxel>, impl IntoIterator<Item = &'a Voxel>),
+    ) -> Self {
+        Self::of(grid, robot, clearance, None, been)
+    }
+
+    /// The same of a robot that stays in the layer of voxels that it is in.
+    pub fn in_layer<'a>(
+        grid: &OccupancyGrid,
+        robot: Voxel,
+        clearance: &Clearance,
+        been: (impl IntoIterator<Item = &'a Voxel>, impl IntoIterator<Item = &'a Voxel>),
+    ) -> Self {
+        Self::of(grid, robot, clearance, Some(robot.z), been)
+    }
+
+    fn of<'a>(
+        grid: &OccupancyGrid,
+        robot: Voxel,
+        clearance: &Clearance,
+        layer: Option<i32>,
         (trail, barred): (impl IntoIterator<Item = &'a Voxel>, impl IntoIterator<Item = &'a Voxel>),
     ) -> Self {
         let nothing = VoxelSet::new();
@@ -55,6 +79,8 @@ impl Space {
             trail: VoxelSet::new(),
             barred: VoxelSet::new(),
             passable: VoxelSet::new(),
+            layer,
+            ground: VoxelSet::new(),
             known: None,
         };
         let come = trail.into_iter().map(|voxel| (*voxel, true));
@@ -86,7 +112,15 @@ impl Space {
         let mut changed = VoxelSet::new();
         let mut note = |brick: Voxel, cells: &Mask| changed.unite(brick, cells);
         turned.iter().for_each(|(brick, cells)| note(*brick, cells));
-        self.component.update(&self.free, robot, &turned, &mut note);
+        match self.layer {
+            None => self.component.update(&self.free, robot, &turned, &mut note),
+            Some(_) => {
+                let (bricks, layer) = (turned.iter().map(|(brick, _)| *brick), self.layer);
+                let level = |brick: Voxel| mask::and(self.free.brick(brick), &cells_of(layer, brick));
+                let turned = changes(bricks, |brick| self.ground.replace(brick, &level(brick)));
+                self.component.update(&self.ground, robot, &turned, &mut note);
+            }
+        }
         self.reach.update(&self.passable, robot, &opened, &mut note);
         self.escape = vec![robot];
         changed
@@ -107,7 +141,17 @@ impl Space {
     fn passable_cells(&self, brick: Voxel) -> Mask {
         let (free, trail) = (self.free.brick(brick), self.trail.brick(brick));
         let clear = mask::or(&self.clearance.clear(&self.free, brick), &mask::and(free, trail));
-        mask::without(&clear, self.barred.brick(brick))
+        mask::and(&mask::without(&clear, self.barred.brick(brick)), &self.layer(brick))
+    }
+
+    /// The cells of a brick that are in the layer that the robot stays in; all of them, if it goes anywhere.
+    pub fn layer(&self, brick: Voxel) -> Mask {
+        cells_of(self.layer, brick)
+    }
+
+    /// Whether a robot in voxel `robot` is in the layer that it is to stay in.
+    pub fn is_level_with(&self, robot: Voxel) -> bool {
+        self.layer.is_none_or(|z| z == robot.z)
     }
 
     /// The robot first gets out of a tight corner, to where most can be reached from; answers the voxels that it can get to, or
@@ -177,6 +221,13 @@ impl Space {
         way.reverse();
         way
     }
+}
+
+/// The cells of a brick in a layer of voxels; all of them, if there is none.
+fn cells_of(layer: Option<i32>, brick: Voxel) -> Mask {
+    let Some(z) = layer else { return mask::ALL };
+    let within = z - voxel_at(brick, 0).z;
+    std::array::from_fn(|layer| if layer as i32 == within { u64::MAX } else { 0 })
 }
 
 /// The bricks of which something turns by `turn`, and what does.
@@ -303,6 +354,28 @@ mod tests {
         let reached = |trail: &[Voxel]| space(&corridor(1), robot, trail).reach.contains(Voxel::new(17, 0, 0));
         assert!(!reached(&[]));
         assert!(reached(&through));
+    }
+
+    #[test]
+    fn who_stays_in_its_layer_gets_nowhere_else() {
+        let robot = Voxel::new(3, 2, 2);
+        let clearance = Clearance::new(0.1, 0.1).unwrap();
+        let mut grid = corridor(5);
+        let mut space = Space::in_layer(&grid, robot, &clearance, (&[], &[]));
+        assert_eq!(
+            (space.component.len(), space.reach.len()),
+            (20 * 5, 18 * 3),
+            "what is above and below is kept clear of"
+        );
+        // A step that somebody flies over shuts the way of who does not.
+        for y in 0..5 {
+            grid.set(Voxel::new(12, y, 2), State::Occupied);
+        }
+        let voxels: BTreeSet<Voxel> = (0..5).map(|y| brick_of(Voxel::new(12, y, 2))).collect();
+        space.follow(&grid, robot, voxels, ([], &[]));
+        assert!(space.component.len() == 12 * 5 && !space.reach.contains(Voxel::new(15, 2, 2)));
+        assert!(Space::around(&grid, robot, &clearance, (&[], &[])).component.contains(Voxel::new(15, 2, 2)));
+        assert!(space.is_level_with(robot) && !space.is_level_with(robot + Voxel::new(0, 0, 1)));
     }
 
     #[test]

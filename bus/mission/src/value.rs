@@ -108,7 +108,7 @@ fn quantity(text: &str, unit: &str, kind: &Kind) -> Result<f64, ValueError> {
     if let Some(value) = finite(text) {
         return Ok(value);
     }
-    let digits = text.trim_end_matches(|c: char| c.is_alphabetic() || "%°/".contains(c));
+    let digits = text.trim_end_matches(|c: char| c.is_alphabetic() || "%°/²".contains(c));
     let suffix = &text[digits.len()..];
     match finite(digits.trim_end()) {
         Some(value) if suffix == unit => Ok(value),

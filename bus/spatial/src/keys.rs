@@ -11,6 +11,7 @@ use crate::messages::{
 };
 use crate::playback::{Playback, PoseEstimate};
 use crate::scan::Scan;
+use crate::travel::TravelReport;
 
 /// Makes a key of each row, of the variable of the same name, and a table of what they carry.
 macro_rules! typed {
@@ -61,6 +62,8 @@ typed! {
     PROGRESS: Progress;
     /// Controller to anyone, at the end: scans and way, to 95, 99, 99.9 and 100 % of the free voxels.
     MOTION_REPORT: MotionReport;
+    /// Controller whose robot takes its time to anyone, with each pose command: how long it has been on its way.
+    TRAVEL_REPORT: TravelReport;
     /// Explorer to anyone, before the plan that comes of them. A strategy that weighs none publishes none.
     EXPLORER_GOALS: Candidates;
     /// Explorer to anyone, at the end: why, and what is left.

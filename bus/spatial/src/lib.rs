@@ -16,6 +16,7 @@ pub mod replica;
 #[cfg(any(test, feature = "samples"))]
 pub mod samples;
 pub mod scan;
+pub mod travel;
 
 pub use camera::CameraInfo;
 pub use replica::Replica;

@@ -9,6 +9,7 @@ use nalgebra::Point3;
 
 use crate::camera::CameraInfo;
 use crate::checks;
+use crate::travel::Drive;
 
 /// Controller to sensor: go there and take a scan. A sensor of a recording cannot go: for it, it is the word to take the next one.
 #[payload]
@@ -258,6 +259,9 @@ pub struct MotionMemory {
     pub path_length_m: f64,
     /// The path that it is on.
     pub leg: Option<Leg>,
+    /// How it moves, of a robot that takes its time, or of one before it that did.
+    #[describe(default)]
+    pub drive: Option<Drive>,
     /// What was known after each scan so far; of a very long run, after some of them and the last.
     #[describe(longest = checks::MAX_REMEMBERED)]
     pub samples: Vec<CoverageSample>,

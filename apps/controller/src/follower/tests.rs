@@ -1,5 +1,6 @@
 use super::*;
 use crate::allowance::Allowance;
+use crate::drive::{Axis, Limits, Noise};
 use elk_spatial::messages::MotionPolicy;
 use nalgebra::{Isometry3, Vector3};
 
@@ -17,7 +18,17 @@ struct Bench {
 impl Bench {
     /// A free corridor of 40 × 5 × 5 voxels of 0.1 m, the camera at its beginning.
     fn new() -> (Self, PlanRequest) {
-        let (map, follower) = (OccupancyGrid::new(0.1), Follower::default());
+        Self::of(Follower::default())
+    }
+
+    /// The same with a robot that takes its time.
+    fn driven(limits: Limits) -> (Self, PlanRequest) {
+        let robot = Robot::new(&Pose(nalgebra::Isometry3::identity()), limits, Noise { sigma: 0.02, seed: 1 });
+        Self::of(Follower::of(Some(robot)))
+    }
+
+    fn of(follower: Follower) -> (Self, PlanRequest) {
+        let map = OccupancyGrid::new(0.1);
         let mut bench = Self { map, follower, commands: vec![], scan: 0, restless: false };
         let pose = Pose::looking(at(0.2), Vector3::x());
         let first = bench.follower.on_camera_pose(&CameraPose { command: 0, pose }).unwrap();
@@ -32,7 +43,8 @@ impl Bench {
     /// Puts a successor in the follower's place, and tells it what the bus remembers. It says nothing but, perhaps, the
     /// other one's last words again.
     fn exchange(&mut self) -> Vec<Action> {
-        self.follower = Follower::successor(&self.follower.memory(&Allowance::default())).unwrap();
+        let robot = self.follower.robot().copied();
+        self.follower = Follower::successor(&self.follower.memory(&Allowance::default()), robot).unwrap();
         assert!(self.follower.on_map(&MapUpdate::new(self.map.whole(), self.scan)).unwrap().is_empty());
         self.follower.resume()
     }
@@ -227,6 +239,64 @@ fn a_successor_at_every_step_goes_the_same_way() {
     assert_eq!(run(true), run(false));
 }
 
+fn limits(lateral: f64) -> Limits {
+    let axis = |speed: f64| Axis { speed, acceleration: 0.5 };
+    Limits {
+        forward: axis(0.5),
+        lateral: axis(lateral),
+        vertical: axis(0.3),
+        yaw: Axis { speed: 1.5, acceleration: 3.0 },
+    }
+}
+
+#[test]
+fn a_robot_that_takes_its_time_scans_as_often_and_a_successor_at_every_step_drives_the_same_way() {
+    for lateral in [0.5, 0.0] {
+        let run = |restless| {
+            let (mut bench, first) = Bench::driven(limits(lateral));
+            bench.restless = restless;
+            let asked = bench.follow(&plan(&first, true));
+            (bench.commands, asked, bench.follower.travel().unwrap(), bench.follower.path_length_m)
+        };
+        let (commands, asked, travel, length_m) = run(false);
+        assert_eq!(run(true), (commands.clone(), asked.clone(), travel.clone(), length_m));
+        assert_eq!((asked.outcome, commands.len(), travel.stops), (Outcome::Unresolved, 9, 0));
+        let end = Point3::new(3.2, 0.35, 0.25);
+        assert!(commands[7..].iter().all(|c| (c.pose.position() - end).norm() < 0.006), "{commands:?}");
+        assert!(commands[8].pose.forward().y > 0.999 && commands[0].via.len() > 5, "{commands:?}");
+        assert!((length_m - 3.1).abs() < 0.1 && travel.secs > 3.1 / 0.5, "{length_m} {travel:?}");
+        for pair in commands[..7].windows(2) {
+            let gone = (pair[1].pose.position() - pair[0].pose.position()).norm();
+            // It goes 2.5 cm between two looks at where it is.
+            assert!((0.4 - 1e-9..0.43).contains(&gone), "{gone}");
+        }
+    }
+}
+
+/// A way that shuts before a robot that moves: it comes to stand, says that its way is cut, and is asked anew from there.
+#[test]
+fn a_robot_under_way_is_planned_for_from_where_it_is_and_a_refused_one_stands() {
+    let (mut bench, first) = Bench::driven(limits(0.5));
+    bench.follower.on_plan(&plan(&first, true)).unwrap();
+    let cut = request(&bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]));
+    assert!(cut.outcome == Outcome::Cut && bench.follower.robot().unwrap().moves());
+    // Back to where it came from: it brakes on the way that was free.
+    let mut back = plan(&cut, true);
+    let Decision::Go(path) = &mut back.decision else { panic!() };
+    (path.points, path.looks) = (vec![cut.pose.position(), at(0.2)], vec![first.pose]);
+    let said = bench.follower.on_plan(&back).unwrap();
+    let Some(Action::Command(command)) = said.last() else { panic!("{said:?}") };
+    let farthest = command.via.iter().map(|p| p.x).fold(0.0, f64::max);
+    assert!(farthest > cut.pose.position().x + 0.1 && farthest < 1.3, "{farthest}");
+    // The sensor does not let it.
+    let before = bench.follower.path_length_m;
+    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: cut.pose }).unwrap();
+    assert!(bench.follower.path_length_m < before - 0.2);
+    let refused = request(&bench.scan(3, vec![]));
+    assert_eq!((refused.outcome, refused.pose), (Outcome::Refused, cut.pose));
+    assert!(!bench.follower.robot().unwrap().moves());
+}
+
 #[test]
 fn a_successor_says_again_what_was_perhaps_not_said() {
     let (mut bench, first) = Bench::new();
@@ -235,7 +305,7 @@ fn a_successor_says_again_what_was_perhaps_not_said() {
     let said = bench.follower.on_plan(&plan(&first, true)).unwrap();
     assert_eq!(bench.exchange(), said);
     let Some(Action::Command(command)) = said.last() else { panic!("{said:?}") };
-    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default())).unwrap();
+    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default()), None).unwrap();
     bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: command.pose }).unwrap();
     assert!(bench.follower.resume().is_empty(), "the sensor has carried it out");
     let actions = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
@@ -250,7 +320,7 @@ fn a_successor_says_again_what_was_perhaps_not_said() {
 #[test]
 fn a_plan_waits_for_the_map_that_it_was_made_from() {
     let (mut bench, first) = Bench::new();
-    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default())).unwrap();
+    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default()), None).unwrap();
     assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty());
     let actions = bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 1)).unwrap();
     assert!(matches!(actions[..], [Action::Command(_)]), "{actions:?}");
@@ -318,7 +388,7 @@ fn a_request_from_a_wrong_place_is_made_anew_from_the_right_one() {
     assert_eq!(bench.follow(&plan(&request(&actions), true)).outcome, Outcome::Unresolved);
     // A successor says what its predecessor would have said, once.
     let (mut bench, first) = Bench::new();
-    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default())).unwrap();
+    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default()), None).unwrap();
     let pose = Pose::looking(at(0.9), Vector3::y());
     assert!(bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap().is_empty());
     assert_eq!(bench.follower.resume(), [Action::Request(PlanRequest { id: 2, pose, ..first })]);
@@ -382,14 +452,14 @@ fn the_sensor_has_the_last_word_on_how_many_commands_there_were() {
     let pose = memory.pose;
     memory.commands = 1 << 47;
     memory.awaited = Awaited::Map(PoseCommand { id: memory.commands, via: vec![], pose });
-    let mut successor = Follower::successor(&memory).unwrap();
+    let mut successor = Follower::successor(&memory, None).unwrap();
     let actions = successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap();
     assert_eq!(actions, [Action::Command(PoseCommand { id: 8, via: vec![], pose })]);
     assert!(successor.resume().is_empty());
     // One command that was lost with its predecessor is no contradiction.
     memory.commands = 6;
     memory.awaited = Awaited::Map(PoseCommand { id: 6, via: vec![], pose });
-    let mut successor = Follower::successor(&memory).unwrap();
+    let mut successor = Follower::successor(&memory, None).unwrap();
     assert!(successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap().is_empty());
     assert_eq!(successor.commands(), 7);
 }

@@ -135,7 +135,7 @@ impl Agenda {
         memory: &Memory,
         settings: &Settings,
     ) -> Standing {
-        let all = *known.frontier.brick(brick);
+        let all = mask::and(known.frontier.brick(brick), &space.layer(brick));
         let (mut open, mut left) = (mask::and(&all, space.component.brick(brick)), FrontiersLeft::default());
         left.unreachable = (mask::count(&all) - mask::count(&open)) as u64;
         if settings.min_frontier > 1 {

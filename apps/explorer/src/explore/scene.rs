@@ -38,14 +38,18 @@ impl Scene {
         settings: &Settings,
     ) -> Self {
         let robot = Voxel::containing(position, known.grid.resolution());
-        match before {
+        match before.filter(|scene| scene.space.is_level_with(robot)) {
             Some(scene) => scene.follow(known, robot, &changed, memory),
             None => Self::anew(known, robot, memory, settings),
         }
     }
 
     fn anew(known: Known, robot: Voxel, memory: &Memory, settings: &Settings) -> Self {
-        let space = Space::around(known.grid, robot, &settings.clearance, (memory.trail(), memory.barred()));
+        let (grid, clearance, been) = (known.grid, &settings.clearance, (memory.trail(), memory.barred()));
+        let space = match settings.planar {
+            true => Space::in_layer(grid, robot, clearance, been),
+            false => Space::around(grid, robot, clearance, been),
+        };
         let (verdicts, agenda, changed) = (Verdicts::default(), Agenda::default(), VoxelSet::new());
         Self { space, verdicts, agenda, left: FrontiersLeft::default(), changed, unseen: None }
     }

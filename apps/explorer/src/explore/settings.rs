@@ -12,6 +12,8 @@ pub struct Settings {
     pub policy: Policy,
     /// The volume to explore; `None`: all there is.
     pub bounds: Option<Bounds>,
+    /// Whether the robot stays at the height at which it is, and explores the slice of the map there.
+    pub planar: bool,
     /// Radius of a sphere around the robot's body (m).
     pub radius_m: f64,
     /// The same among the voxels of the map.

@@ -66,6 +66,7 @@ pub(super) fn settings(policy: Policy) -> Settings {
     Settings {
         policy,
         bounds: None,
+        planar: false,
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).unwrap(),
         min_frontier: 1,

@@ -57,7 +57,7 @@ impl Verdict {
         let missed = || left_over(left, grid.resolution(), settings);
         let short = why.failure(left, settings).or_else(|| walled_in(scene, grid, left));
         let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
-        let short = short.or_else(|| not_closed(left, grid));
+        let short = short.or_else(|| not_closed(&given_up(left, settings), grid));
         short.map_or_else(|| Self::explored(left, settings), |reason| Self { complete: false, reason })
     }
 
@@ -163,6 +163,12 @@ fn free_in(grid: &OccupancyGrid, bounds: &Bounds) -> bool {
     let free =
         |(voxel, state): (Voxel, State)| state == State::Free && bounds.contains(voxel.center(grid.resolution()));
     grid.bricks().voxels().any(free)
+}
+
+/// What of the frontier is given up: for a robot that stays in a slice of the map, what is within its reach there. Over a table
+/// that it cannot pass it sees much.
+fn given_up(left: &FrontiersLeft, settings: &Settings) -> FrontiersLeft {
+    FrontiersLeft { unreachable: if settings.planar { 0 } else { left.unreachable }, ..*left }
 }
 
 /// Where a map of voxels of `resolution` (m) ends.

@@ -9,10 +9,11 @@ use elk_mission::variables::LOGGER_ERROR;
 use elk_mission::{Mission, element};
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, PLAYBACK,
-    POSE_COMMAND, PROGRESS, SCAN, SENSOR_REPORT,
+    POSE_COMMAND, PROGRESS, SCAN, SENSOR_REPORT, TRAVEL_REPORT,
 };
 use elk_spatial::messages::{AccuracyReport, ExplorationReport, MapStatus, MotionReport, Progress, SensorReport};
 use elk_spatial::playback::Playback;
+use elk_spatial::travel::TravelReport;
 
 use crate::reports::steps::StepTimes;
 
@@ -86,6 +87,8 @@ pub(crate) struct Observer {
     pub sensor: Option<SensorReport>,
     pub exploration: Option<ExplorationReport>,
     pub motion: Option<MotionReport>,
+    /// How long a robot that takes its time has been on its way.
+    pub travel: Option<TravelReport>,
     /// How far a recording is played.
     pub playback: Option<Playback>,
     pub accuracy: Option<AccuracyReport>,
@@ -132,6 +135,7 @@ impl Observer {
         comms.register(&EXPLORATION_REPORT)?;
         comms.register(&MOTION_REPORT)?;
         comms.register(&PLAYBACK)?;
+        comms.register(&TRAVEL_REPORT)?;
         comms.register(&ACCURACY_REPORT)
     }
 
@@ -195,6 +199,7 @@ impl Observer {
         keep(mail, &EXPLORATION_REPORT, &mut self.exploration)?;
         keep(mail, &MOTION_REPORT, &mut self.motion)?;
         keep(mail, &PLAYBACK, &mut self.playback)?;
+        keep(mail, &TRAVEL_REPORT, &mut self.travel)?;
         keep(mail, &ACCURACY_REPORT, &mut self.accuracy)
     }
 
@@ -258,10 +263,11 @@ impl Observer {
 }
 
 /// Whose reports sum a mission up, by the element of its apps.
-fn reports() -> [(String, &'static str); 7] {
+fn reports() -> [(String, &'static str); 8] {
     [
         (PROGRESS.name(), element::CONTROLLER),
         (MOTION_REPORT.name(), element::CONTROLLER),
+        (TRAVEL_REPORT.name(), element::CONTROLLER),
         (EXPLORATION_REPORT.name(), element::EXPLORER),
         (MAP_KNOWN.name(), element::MAP),
         (SENSOR_REPORT.name(), element::SENSOR),

@@ -57,6 +57,10 @@ pub struct Summary {
     pub scans: u64,
     /// Length of the way (m).
     pub path_length_m: f64,
+    /// Time that a robot with limits on its speeds is on this way (s): computed, nobody waited for it.
+    pub travel_seconds: Option<f64>,
+    /// How often it stopped since it would have left what was known to be free.
+    pub stops: Option<u64>,
     /// Frontier voxels left, by cause.
     pub frontiers_left: Option<FrontiersLeft>,
     /// Voxels known.
@@ -111,6 +115,8 @@ impl Summary {
             position_error_m: observed.playback.as_ref().and_then(|playback| playback.off_m),
             scans,
             path_length_m,
+            travel_seconds: observed.travel.as_ref().map(|travel| travel.secs),
+            stops: observed.travel.as_ref().map(|travel| travel.stops),
             frontiers_left: report.map(|report| report.frontiers_left),
             known_voxels: free + occupied,
             free_voxels: free,
@@ -247,6 +253,12 @@ impl fmt::Display for Summary {
         let policy = self.policy.as_ref().map(|policy| format!(", policy {policy}")).unwrap_or_default();
         let explorer = if explorer.is_empty() { String::new() } else { format!(", explorer {explorer}") };
         writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s{explorer}{policy}")?;
+        if let Some(secs) = self.travel_seconds {
+            let stops = self.stops.filter(|stops| *stops > 0);
+            let stops =
+                stops.map_or(String::new(), |stops| format!(", {stops} stops before what is not known to be free"));
+            writeln!(f, "  {secs:.1} s on the way at the robot's limits, as computed{stops}")?;
+        }
         if let Some(off) = self.position_error_m {
             writeln!(f, "  positions are {off:.4} m off the recorded ones (root mean square, begun alike)")?;
         }
