@@ -176,8 +176,7 @@ impl Suite {
     pub fn parse(text: &str, file: &Path) -> Result<Self, SuiteError> {
         let wrong = |problems| SuiteError::Wrong { file: file.to_owned(), problems };
         if let Some((byte, what)) = crowded(text) {
-            let before = text[..byte].as_bytes();
-            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u32;
+            let line = 1 + text[..byte].matches('\n').count() as u32;
             return Err(wrong(vec![(Place { line, column: 1 }, what)]));
         }
         let document = Document::parse(text).map_err(|error| {
