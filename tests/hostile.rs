@@ -44,6 +44,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("PLAN", Some("Plan")),
     ("PROGRESS", Some("Progress")),
     ("MOTION_REPORT", Some("MotionReport")),
+    ("TRAVEL_REPORT", Some("TravelReport")),
     ("MOTION_MEMORY", Some("MotionMemory")),
     ("EXPLORATION_REPORT", Some("ExplorationReport")),
     ("EXPLORER_MEMORY", Some("ExplorerMemory")),

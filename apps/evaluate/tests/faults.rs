@@ -92,7 +92,7 @@ fn no_file(file: &Path, _: &[Override]) -> Result<Mission, String> {
 fn suite(starts: usize, strategies: &[&str]) -> Suite {
     let explorers: String = strategies.iter().map(|type_name| format!("<Explorer type=\"{type_name}\"/>")).collect();
     let text = format!(
-        "<Suite name=\"faults\" starts=\"{starts}\"><Limits scans=\"600\" answer=\"2 s\"/><World file=\"kitchen\" \
+        "<Suite name=\"faults\" starts=\"{starts}\"><Limits scans=\"600\" answer=\"10 s\"/><World file=\"kitchen\" \
          Map.Res=\"0.25\" Explorer.Res=\"0.25\" Sensor.Width=\"24\" Sensor.Height=\"24\" Explorer.Patience=\"20\"/>{explorers}</Suite>"
     );
     Suite::parse(&text, Path::new("faults.xml")).unwrap()
@@ -139,7 +139,7 @@ fn each_fault_is_reported_by_name_and_the_rest_goes_on() {
     // The explorer goes to the closest goal then, and says so.
     assert!(of("Nothing").0 == End::Complete && of("Nothing").1.contains("the strategy had no answer"), "{outcomes:?}");
     assert!(
-        of("Hangs").0 == End::Failed && of("Hangs").1 == "Explorer did not answer a message within 2 s",
+        of("Hangs").0 == End::Failed && of("Hangs").1 == "Explorer did not answer a message within 10 s",
         "{outcomes:?}"
     );
     assert!(of("Panics").0 == End::Failed && of("Panics").1.contains("this strategy knows no way out"), "{outcomes:?}");

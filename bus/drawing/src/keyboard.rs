@@ -38,7 +38,15 @@ impl Keyboard {
     pub fn declare(&mut self, app: &str, time: f64, table: KeyTable) {
         if table.keys.is_empty() {
             self.tables.remove(app);
-        } else if self.tables.len() < MAX_APPS || self.tables.contains_key(app) {
+            return;
+        }
+        if self.tables.len() >= MAX_APPS
+            && let Some(present) = &self.present
+        {
+            // Who comes back declares anew.
+            self.tables.retain(|app, _| present.contains(app));
+        }
+        if self.tables.len() < MAX_APPS || self.tables.contains_key(app) {
             self.tables.insert(app.to_owned(), (time, table));
         }
     }
@@ -109,6 +117,11 @@ mod tests {
         let mut keyboard = Keyboard::default();
         (0..10_000).for_each(|app| keyboard.declare(&app.to_string(), 0.0, table(&["g"])));
         assert_eq!(keyboard.declared().count(), MAX_APPS);
+        // Where it is known who is there, the others leave room.
+        keyboard.hear_of_clients("1,2,new,");
+        keyboard.declare("new", 1.0, table(&["k"]));
+        let declared: Vec<_> = keyboard.declared().map(|one| one.app).collect();
+        assert_eq!(declared, ["1", "2", "new"]);
     }
 
     proptest! {

@@ -3,6 +3,7 @@
 
 mod common;
 
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use elk_bus::link::{Batch, Downlink, Fill, Held, Link, LinkError, Rejoin, Uplink};
@@ -63,16 +64,22 @@ impl Rejoin for Nowhere {
     }
 }
 
-/// Batches: some of any bytes, most of frames that are nearly right.
+/// What all that elk's apps say is, as a broker defines it.
+static DEFINITIONS: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let mut batch = Vec::new();
+    for (number, sample) in (0..).zip(SAMPLES) {
+        let description = sample.type_.description().map(|described| described.to_text()).unwrap_or_default();
+        let (name, layout) = (sample.name(), sample.type_.layout());
+        wire::put_definition(&mut batch, Named::Type, number, name, layout, &description);
+    }
+    batch
+});
+
+/// Batches, the last one first: some of any bytes, most of frames that are nearly right.
 fn batches(from: &mut Unstructured<'_>) -> Result<Vec<Vec<u8>>> {
     let mut batches = Vec::new();
     while !from.is_empty() && batches.len() < 16 {
         let mut batch = Vec::new();
-        for (number, sample) in (0..).zip(SAMPLES) {
-            let description = sample.type_.description().map(|described| described.to_text()).unwrap_or_default();
-            let (name, layout) = (sample.name(), sample.type_.layout());
-            wire::put_definition(&mut batch, Named::Type, number, name, layout, &description);
-        }
         for _ in 0..from.int_in_range(0..=8)? {
             match from.int_in_range(0..=7)? {
                 0 => batch.extend_from_slice(<&[u8]>::arbitrary(from)?),
@@ -92,6 +99,7 @@ fn batches(from: &mut Unstructured<'_>) -> Result<Vec<Vec<u8>>> {
         }
         batches.push(batch);
     }
+    batches.push(DEFINITIONS.clone());
     Ok(batches)
 }
 
