@@ -35,6 +35,7 @@ impl Lab {
                     lease_secs: *from.choose(&[0.0, 1.0, f64::NAN, -1.0, 1e300])?,
                     succeeds: bool::arbitrary(from)?,
                     returns: bool::arbitrary(from)?,
+                    inside: false,
                 };
                 clients.extend(broker.connect(*now, &who));
             }

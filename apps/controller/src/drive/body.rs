@@ -12,7 +12,7 @@ pub const YAW: usize = 3;
 /// Of the head that tilts the camera.
 pub const TILT: usize = 4;
 
-/// Speeds along the axes (m/s; rad/s for [`YAW`] and [`TILT`]).
+/// Speeds along the axes: ahead, to the left and up (m/s), about the vertical and of the tilting head (rad/s).
 pub type Rates = [f64; AXES];
 
 /// What an axis can do.
