@@ -396,11 +396,11 @@ impl Follower {
         underway.leg.step_m = 0.0;
         let step = match underway.next(self.replica.grid()) {
             Next::Ask(outcome) => return self.request(outcome),
-            Next::Look(pose) => Step { way: None, from: 0.0, to: 0.0, pose },
-            Next::Travel { from, to } => Step { way: Some(underway.way.clone()), from, to, pose: underway.pose_at(to) },
+            Next::Look(pose) => Step { part: None, pose },
+            Next::Travel { from, to } => Step { part: Some([from, to]), pose: underway.pose_at(to) },
         };
         let (pose, via) = match &mut self.robot {
-            None => step.at_once(&mut underway.leg),
+            None => step.at_once(&mut underway),
             Some(robot) => step.ridden(robot, &mut underway, self.replica.grid(), self.commands + 1),
         };
         self.path_length_m += underway.leg.step_m;
@@ -445,19 +445,17 @@ fn has_arrived(pose: &Pose, sent: &Pose) -> bool {
     pose == sent || ((pose.position() - sent.position()).norm() <= ARRIVED_M && turned <= ARRIVED_RAD)
 }
 
-/// A part of a way, or a look from where one is, and the pose at its end.
+/// A part of the way (m), or a look from where one is, and the pose at its end.
 struct Step {
-    way: Option<Polyline>,
-    from: f64,
-    to: f64,
+    part: Option<[f64; 2]>,
     pose: Pose,
 }
 
 impl Step {
     /// Of a robot that is where it is sent at once: the pose, and the points to pass before it.
-    fn at_once(self, leg: &mut Leg) -> (Pose, Vec<Point3<f64>>) {
-        leg.step_m = self.to - self.from;
-        (self.pose, self.way.map_or_else(Vec::new, |way| way.bends(self.from, self.to)))
+    fn at_once(self, underway: &mut Underway) -> (Pose, Vec<Point3<f64>>) {
+        underway.leg.step_m = self.part.map_or(0.0, |[from, to]| to - from);
+        (self.pose, self.part.map_or_else(Vec::new, |[from, to]| underway.way.bends(from, to)))
     }
 
     /// Of one that takes its time: where it gets, and how.
@@ -468,14 +466,16 @@ impl Step {
         grid: &OccupancyGrid,
         number: u64,
     ) -> (Pose, Vec<Point3<f64>>) {
-        let Self { from, to, pose, .. } = self;
-        let is_travel = self.way.is_some();
-        let Some(way) = self.way.or_else(|| Polyline::new([pose.position()])) else { return (pose, vec![]) };
-        let corridor = Corridor::along(grid, &underway.clearance, &way, from);
-        let ride = robot.ride(&Errand { way: &way, from, to, pose, number }, corridor);
+        let Self { part, pose } = self;
+        // Who looks from where it is has a way of that point alone.
+        let spot = Polyline::new([pose.position()]).filter(|_| part.is_none());
+        let way = spot.as_ref().unwrap_or(&underway.way);
+        let [from, to] = part.unwrap_or_default();
+        let corridor = Corridor::along(grid, &underway.clearance, way, from);
+        let ride = robot.ride(&Errand { way, from, to, pose, number }, corridor);
         let leg = &mut underway.leg;
         leg.step_m = ride.length_m;
-        if is_travel {
+        if part.is_some() {
             leg.done_m = ride.done_m;
         }
         if ride.is_stopped {

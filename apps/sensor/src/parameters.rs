@@ -104,6 +104,14 @@ pub(crate) fn matches_scans(params: &Params) -> bool {
     params.text("PoseEstimator") == "ICP"
 }
 
+/// How far a stereo camera's points are believed.
+pub(crate) const BELIEVED_RANGE: ParamSpec = param(
+    "Range",
+    Kind::Number { unit: "m", min: 0.0, max: 1e4 },
+    "0",
+    "How far points are believed, whose error grows with the square of it: what is matched farther away gives no return; 0: all are.",
+);
+
 /// How the poses of recorded pairs are estimated.
 pub(crate) const PAIR_TRACKING: ParamSpec = param(
     "PoseEstimator",

@@ -280,7 +280,10 @@ impl Recording {
                 }
             }
             self.is_found = false;
-            match self.reader.record().filter(|_| is_shown) {
+            if !is_shown {
+                continue;
+            }
+            match self.reader.record() {
                 Some(Ok(record)) => {
                     let (key, source, value) = (record.key, record.source, record.value);
                     hear(&Heard { key, source, time: received, value });

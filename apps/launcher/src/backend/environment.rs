@@ -77,7 +77,8 @@ impl Environment {
             let file = app.moos_file(&moos_files);
             let unwritable = |source| LaunchError::MoosFile { app: app.name.clone(), file: file.clone(), source };
             if let Some(text) = app.moos_text(&server).map_err(unwritable)? {
-                let written = std::fs::create_dir_all(&moos_files).and_then(|()| std::fs::write(&file, text));
+                let written = std::fs::create_dir_all(&moos_files)
+                    .and_then(|()| elk_outside::file::place(&file, text.as_bytes()));
                 written.map_err(unwritable)?;
             }
         }

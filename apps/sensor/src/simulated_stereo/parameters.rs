@@ -10,7 +10,7 @@ use super::texture::Look;
 use crate::camera::Camera;
 use crate::localised::{Estimating, LookSpacing};
 use crate::matching::matcher;
-use crate::parameters::{drift, param};
+use crate::parameters::{BELIEVED_RANGE, drift, param};
 use crate::pose_estimator::{DriftingOdometry, VisualOdometry, VisualOdometrySettings};
 use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
@@ -29,12 +29,7 @@ pub(super) const PARAMS: &[ParamSpec] = &[
         "0.12",
         "How far the right camera is to the right of the left one, whose pose is the sensor's.",
     ),
-    param(
-        "Range",
-        Kind::Number { unit: "m", min: 0.0, max: 1e4 },
-        "0",
-        "How far points are believed, whose error grows with the square of it: what is matched farther away gives no return; 0: all are.",
-    ),
+    BELIEVED_RANGE,
     param(
         "Texture",
         Kind::Number { unit: "", min: 0.0, max: 100.0 },

@@ -16,9 +16,10 @@ use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 
 use crate::app::recorded;
 use crate::matching::{self, matcher};
-use crate::parameters::{PAIR_TRACKING, PATIENCE, RECORDED, frames, param};
+use crate::parameters::{BELIEVED_RANGE, PAIR_TRACKING, PATIENCE, RECORDED, frames, param};
 use crate::pose_estimator::{PoseEstimator, Recorded, VisualOdometry, VisualOdometrySettings};
 use crate::recording::Player;
+use crate::surroundings::range;
 
 const PARAMS: &[ParamSpec] = &[
     ParamSpec {
@@ -27,12 +28,7 @@ const PARAMS: &[ParamSpec] = &[
         default: None,
         doc: "The folder of the recording: cam0 and cam1 with their YAMLs (EuRoC), or image_0 and image_1 with calib.txt (KITTI).",
     },
-    param(
-        "Range",
-        Kind::Number { unit: "m", min: 0.0, max: 1e4 },
-        "0",
-        "How far points are believed, whose error grows with the square of it: what is matched farther away gives no return; 0: all are.",
-    ),
+    BELIEVED_RANGE,
     param(
         "DisparitySigma",
         Kind::Number { unit: "px", min: 0.0, max: 100.0 },
@@ -57,7 +53,7 @@ pub const TYPE: AppType = AppType {
 
 fn player(params: &Params) -> Result<Player, AppError> {
     let settings = Settings {
-        range: Some(params.number("Range")).filter(|range| *range > 0.0),
+        range: range(params),
         disparity_sigma: params.number("DisparitySigma"),
         frame_rate: params.number("FrameRate"),
     };
