@@ -6,9 +6,10 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, CommsError, Community, ConnectError};
 
-/// How long nobody tries to join again.
+/// How long nobody tries again to join a community that has ended, or does not let anybody in.
 const JOIN_EVERY: Duration = Duration::from_millis(500);
-/// The longest sleep without a look at whether to stop.
+/// The longest sleep without a look at whether to stop, and whether a community is there that was not: a view that joins before
+/// the first scan has the map from its beginning, and nobody has to say it whole.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Joins `community` as `role` and this process' number, again and again until `stop` is set. `listen` is given each client, and
@@ -20,15 +21,24 @@ pub(crate) fn follow(
     mut listen: impl FnMut(Client) -> Result<(), CommsError>,
     left: impl Fn(&str),
 ) {
+    let mut said = String::new();
     while !stop.load(Ordering::Relaxed) {
-        let ended = match Client::connect(community, &format!("{role}-{}", std::process::id())) {
-            Ok(client) => listen(client).err().map_or_else(|| "the view ends".to_owned(), |error| error.to_string()),
-            Err(ConnectError::NoBroker(_)) => format!("community {community} is not there; waiting for it"),
-            Err(error) => error.to_string(),
+        let (ended, again) = match Client::connect(community, &format!("{role}-{}", std::process::id())) {
+            Ok(client) => {
+                said.clear();
+                (listen(client).err().map_or_else(|| "the view ends".to_owned(), |error| error.to_string()), JOIN_EVERY)
+            }
+            Err(ConnectError::NoBroker(_)) => {
+                (format!("community {community} is not there; waiting for it"), LOOK_EVERY)
+            }
+            Err(error) => (error.to_string(), JOIN_EVERY),
         };
-        left(&ended);
+        if ended != said {
+            left(&ended);
+            said = ended;
+        }
         let waited = Stopwatch::start();
-        while waited.elapsed() < JOIN_EVERY && !stop.load(Ordering::Relaxed) {
+        while waited.elapsed() < again && !stop.load(Ordering::Relaxed) {
             std::thread::sleep(LOOK_EVERY);
         }
     }

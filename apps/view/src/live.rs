@@ -61,8 +61,6 @@ impl<'a> Following<'a> {
     /// Listens until `stop` is set or the community ends.
     fn run(mut self, wants: &mut Wants, stop: &AtomicBool) -> Result<(), CommsError> {
         always().iter().try_for_each(|key| self.client.comms.register(any(key)))?;
-        // What an update says of a map nobody knows without the map.
-        self.client.comms.notify(MAP_REQUEST, 0.0)?;
         self.client.comms.notify(REQUEST, "")?;
         let mut asked_for_table = Stopwatch::start();
         self.register_wanted(wants)?;
