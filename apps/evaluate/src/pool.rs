@@ -70,7 +70,7 @@ impl Grounds {
     pub fn site(&self, world: usize) -> Result<&Site, &String> {
         let made = self.sites[world].get_or_init(|| {
             let plans = self.plans[world].as_ref().map_err(Clone::clone)?;
-            plans.site(&self.suite, &self.suite.worlds[world].name)
+            plans.site(&self.suite, &self.suite.worlds[world].source)
         });
         made.as_ref()
     }

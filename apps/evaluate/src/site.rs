@@ -168,12 +168,12 @@ impl Plans {
     ///
     /// # Errors
     /// It is no world, or one without room for a robot.
-    pub fn site(&self, suite: &Suite, name: &str) -> Result<Site, String> {
+    pub fn site(&self, suite: &Suite, source: &Source) -> Result<Site, String> {
         let took = Stopwatch::start();
         let placement = self.placement.as_ref().map_err(Clone::clone)?;
         let world = World::load(&self.world_file, placement).map_err(|error| error.to_string())?;
         let truth = Truth::of(&world, self.terms).map_err(|error| error.to_string())?;
-        let mut random = Random::new(suite.seed, stream(name));
+        let mut random = Random::new(suite.seed, stream(&source.stem()));
         let starts = truth.starts(&world, suite.starts, &mut random).map_err(|error| error.to_string())?;
         let secs = took.elapsed().as_secs_f64();
         let pose_variable = self.pose_variable.clone();
@@ -359,9 +359,10 @@ fn world_set(source: &Source, folder: &Path) -> Result<Option<Override>, String>
     Ok(Some(Override { app: element::SENSOR.to_owned(), param: "World".to_owned(), text }))
 }
 
-/// The random stream of a world's starts: by its name, so that another world beside it changes nothing.
-fn stream(name: &str) -> u64 {
-    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+/// The random stream of a world's starts: by its file's name, so that another world beside it changes nothing, and one that is
+/// there several times, each with other parameters, has the same starts.
+fn stream(stem: &str) -> u64 {
+    stem.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 /// Complains of strategies that there are not.

@@ -81,6 +81,14 @@ pub enum Source {
     World(String),
 }
 
+impl Source {
+    /// The name of its file, without folder and ending.
+    pub fn stem(&self) -> String {
+        let (Self::Mission(from) | Self::World(from)) = self;
+        Path::new(from).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
 /// A strategy with its parameters.
 #[derive(Debug, Clone)]
 pub struct StrategyEntry {
@@ -307,9 +315,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 return None;
             }
         };
-        let (Source::Mission(from) | Source::World(from)) = &source;
-        let stem = Path::new(from).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let name = said("name").unwrap_or(stem);
+        let name = said("name").unwrap_or_else(|| source.stem());
         self.name(node, &name);
         let own = ["name", "mission", "file"];
         let sets = node.attributes().filter(|said| !own.contains(&said.name()));

@@ -62,7 +62,9 @@ fn robots_that_take_their_time_explore_without_a_contact_and_say_how_long_it_tak
     let driven = rows(&text);
     assert_eq!(driven.len(), 4);
     explored(&driven);
-    for Row { case, outcome, .. } in &driven {
+    assert!(driven[0].start.is_some());
+    for Row { case, start, outcome } in &driven {
+        assert_eq!(*start, driven[0].start, "{case:?}");
         assert!(outcome.travel_secs.is_some_and(|secs| secs > outcome.way_m / 0.5), "{case:?} {outcome:?}");
     }
     assert_eq!(driven, rows(&text), "the same again");
