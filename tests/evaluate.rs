@@ -150,6 +150,10 @@ fn what_cannot_be_run_is_said_by_name_and_the_rest_goes_on() {
             "suite.xml:5:5: there is no Explorer of type \"Potental\"; did you mean Potential?",
         ),
         ("<Explorer name=\"x\" type=\"Potential\" Polcy=\"elk\"/>", "suite.xml:5:5: explorer x in world car: "),
+        (
+            "<World name=\"own\" mission=\"car.xml\" Sensor.Start=\"1; 1; 1\"/>",
+            "suite.xml:5:5: world own: Sensor.Start cannot be said: an evaluation draws the starts",
+        ),
         ("<World mission=\"no-such.xml\"/>", "suite.xml:5:5: world no-such: cannot read the mission file no-such.xml"),
         ("<Limits scans=\"many\"/>", "suite.xml:5:20: scans is \"many\""),
     ] {

@@ -62,7 +62,8 @@ fn plain(text: &str) -> String {
     plain + rest
 }
 
-/// Regression: `alive: Small: NOT complete`; and of a run that was stopped its policy was "unknown".
+/// Regression: `alive: Small: NOT complete`; and of a run that was stopped its policy was "unknown", and what had been covered, what
+/// frontier was left and what the robot had touched were not said.
 #[test]
 fn the_line_that_changes_is_cleared_before_anything_else_and_a_stopped_run_says_what_it_knows() {
     let elk = Elk::new("output-line");
@@ -77,6 +78,13 @@ fn the_line_that_changes_is_cleared_before_anything_else_and_a_stopped_run_says_
     let (_, summary) = shown.rsplit_once(REWIND).unwrap();
     assert!(summary.contains(" scans, ") && summary.contains("explorer ClosestFrontier, policy elk"), "{summary}");
     assert!(!summary.contains("unknown"), "{summary}");
+    let known = [
+        "% of the free voxels known at the end after",
+        " frontier voxels left: 0 unreachable",
+        " open, ",
+        "contacts 0",
+    ];
+    known.iter().for_each(|known| assert!(summary.contains(known), "{known}: {summary}"));
     let line = status_lines(&shown).into_iter().find(|line| has_scanned(line)).unwrap();
     assert!(line.contains(":0") && line.contains(" m³ known (") && line.contains(" % of the region), "), "{line}");
     assert_eq!(processes_of(&elk), [0; 0]);

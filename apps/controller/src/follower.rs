@@ -20,12 +20,12 @@ use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
 };
+use elk_spatial::record::Record;
 use elk_spatial::travel::{Drive, TravelReport};
 use nalgebra::Point3;
 
 use crate::allowance::Allowance;
 use crate::drive::{Body, Corridor, Errand, Robot};
-use crate::record::Record;
 
 /// A robot that says that it is at most so far (m) from where it was sent has arrived there: a fraction of any voxel in which plans are made.
 const ARRIVED_M: f64 = 0.02;

@@ -10,7 +10,6 @@ pub mod follower;
 pub mod pace;
 pub mod playback;
 pub mod player;
-mod record;
 mod types;
 mod velocity;
 

@@ -9,10 +9,10 @@ use elk_spatial::keyframe::MapPart;
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Awaited, MotionMemory, PoseCommand, Progress};
 use elk_spatial::playback::Playback;
+use elk_spatial::record::Record;
 
 use crate::allowance::Allowance;
 use crate::follower::Action;
-use crate::record::Record;
 
 /// The state machine. Give it what arrives, and take what it wants said from [`Player::next`].
 #[derive(Debug)]

@@ -83,6 +83,9 @@ pub struct Site {
     pub secs: f64,
 }
 
+/// What a run says of its sensor, and a suite cannot.
+const DRAWN: [&str; 4] = ["Start", "StartYaw", "StartPitch", "RandomStart"];
+
 /// The missions of a world, one a strategy, without a start.
 pub struct Plans {
     source: Source,
@@ -120,6 +123,10 @@ impl Plans {
         let plain = load(&base).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
         let explorer = only(&plain, element::EXPLORER).map_err(|why| wrong(entry.at, why))?.name.clone();
         let sensor = only(&plain, element::SENSOR).map_err(|why| wrong(entry.at, why))?.name.clone();
+        if let Some(own) = entry.sets.iter().find(|set| set.app == sensor && DRAWN.contains(&set.param.as_str())) {
+            let why = "an evaluation draws the starts by the suite's seed; `elk launch` takes one";
+            return Err(wrong(entry.at, format!("world {}: {sensor}.{} cannot be said: {why}", entry.name, own.param)));
+        }
         let (mut all, mut effective, mut known, mut last) = (Vec::new(), Vec::new(), plain.clone(), plain);
         for strategy in &suite.strategies {
             let named =
@@ -182,14 +189,11 @@ impl Plans {
 
     /// What a run says otherwise than its mission's file.
     pub fn run_sets(&self, strategy: usize, start: &Start) -> Vec<Override> {
-        let set = |param: &str, text: String| Override { app: self.sensor.clone(), param: param.to_owned(), text };
         let [x, y, z] = [start.position.x, start.position.y, start.position.z];
-        let own = [
-            set("Start", format!("{x}; {y}; {z}")),
-            set("StartYaw", start.yaw_deg.to_string()),
-            set("StartPitch", start.pitch_deg.to_string()),
-            set("RandomStart", "false".to_owned()),
-        ];
+        let drawn =
+            [format!("{x}; {y}; {z}"), start.yaw_deg.to_string(), start.pitch_deg.to_string(), "false".to_owned()];
+        let set = |(param, text): (&str, String)| Override { app: self.sensor.clone(), param: param.to_owned(), text };
+        let own = DRAWN.into_iter().zip(drawn).map(set);
         self.sets[strategy].iter().cloned().chain(own).collect()
     }
 

@@ -1,14 +1,17 @@
 //! Strategies with every fault there is, evaluated beside one without: each is reported by name, and the rest goes on.
 
+mod common;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use common::registry;
 use elk_evaluate::store::{Row, Store};
 use elk_evaluate::{End, Evaluation, Missions, Suite};
 use elk_explorer::app::{COMMON, app};
 use elk_explorer::{Journal, Route, Strategy, View};
-use elk_mission::{AppType, Mission, Override, Registry};
+use elk_mission::{AppType, Mission, Override};
 use nalgebra::Point3;
 
 /// What is wrong with a strategy.
@@ -73,17 +76,6 @@ static FAULTY: &[AppType] = &[
     faulty!("Panics", Fault::Panics),
 ];
 
-fn registry() -> Registry {
-    Registry::new(&[
-        elk_sensor::TYPES,
-        elk_filter::TYPES,
-        elk_map_app::TYPES,
-        elk_explorer::TYPES,
-        elk_controller::TYPES,
-        FAULTY,
-    ])
-}
-
 fn no_file(file: &Path, _: &[Override]) -> Result<Mission, String> {
     Err(format!("nobody asked for {}", file.display()))
 }
@@ -99,7 +91,7 @@ fn suite(starts: usize, strategies: &[&str]) -> Suite {
 }
 
 fn evaluation(suite: Suite) -> Evaluation {
-    Evaluation::new(suite, Missions { registry: registry(), load: Box::new(no_file) }, "test").unwrap()
+    Evaluation::new(suite, Missions { registry: registry(FAULTY), load: Box::new(no_file) }, "test").unwrap()
 }
 
 /// What came of all runs of a suite, on so many threads.

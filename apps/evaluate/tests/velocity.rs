@@ -1,35 +1,22 @@
 //! Robots that take their time, and robots that stay at their height, evaluated as any other: what they come to is complete, and
 //! they touch nothing.
 
+mod common;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use common::{read, registry};
 use elk_evaluate::store::{Row, Store};
 use elk_evaluate::{End, Evaluation, Missions, Suite};
-use elk_mission::{Mission, Override, Registry};
-
-fn registry() -> Registry {
-    Registry::new(&[
-        elk_sensor::TYPES,
-        elk_filter::TYPES,
-        elk_map_app::TYPES,
-        elk_explorer::TYPES,
-        elk_controller::TYPES,
-    ])
-}
-
-fn read(file: &Path, sets: &[Override]) -> Result<Mission, String> {
-    let text = std::fs::read_to_string(file).map_err(|error| format!("{}: {error}", file.display()))?;
-    Mission::parse(&text, file, &registry(), sets).map_err(|error| error.to_string())
-}
 
 /// The rows of a suite, without what they took of the processor.
 fn rows(text: &str) -> Vec<Row> {
     let suite = Suite::parse(text, Path::new("../../mission-files/suites/velocity.xml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let evaluation =
-        Evaluation::new(suite.clone(), Missions { registry: registry(), load: Box::new(read) }, "test").unwrap();
+        Evaluation::new(suite.clone(), Missions { registry: registry(&[]), load: Box::new(read) }, "test").unwrap();
     let finished = evaluation.run(folder.path(), (2, &Arc::new(AtomicBool::new(false))), |_| {}).unwrap();
     assert_eq!(finished.done, finished.all);
     let asked = std::fs::read_to_string(folder.path().join("suite.txt")).unwrap();

@@ -8,7 +8,7 @@
 //! Where To Go*, 2011), where no other source is named.
 //!
 //! ```
-#![doc = include_str!("../examples/corner.rs")]
+#![doc = include_str!("../examples/found_again.rs")]
 //! ```
 
 pub mod carmen;

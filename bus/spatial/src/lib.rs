@@ -12,6 +12,7 @@ pub mod keys;
 pub mod map;
 pub mod messages;
 pub mod playback;
+pub mod record;
 pub mod replica;
 #[cfg(any(test, feature = "samples"))]
 pub mod samples;

@@ -11,8 +11,11 @@ use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, PLAYBACK,
     POSE_COMMAND, PROGRESS, SCAN, SENSOR_REPORT, TRAVEL_REPORT,
 };
-use elk_spatial::messages::{AccuracyReport, ExplorationReport, MapStatus, MotionReport, Progress, SensorReport};
+use elk_spatial::messages::{
+    AccuracyReport, CoverageSample, ExplorationReport, FrontiersLeft, MapStatus, MotionReport, Progress, SensorReport,
+};
 use elk_spatial::playback::Playback;
+use elk_spatial::record::Record;
 use elk_spatial::travel::TravelReport;
 
 use crate::reports::steps::StepTimes;
@@ -83,6 +86,8 @@ pub(crate) struct Observer {
     /// Names of the clients of the community.
     pub clients: BTreeSet<String>,
     pub progress: Option<Progress>,
+    /// What all progress that was heard comes to.
+    record: Record,
     pub map: Option<MapStatus>,
     pub sensor: Option<SensorReport>,
     pub exploration: Option<ExplorationReport>,
@@ -194,6 +199,10 @@ impl Observer {
             self.news.push(News::Report);
         }
         keep(mail, &PROGRESS, &mut self.progress)?;
+        if let Some(Progress { scans, free, path_length_m, .. }) = self.progress.as_ref().filter(|_| mail.is(&PROGRESS))
+        {
+            self.record.take(CoverageSample { scans: *scans, free: *free, path_length_m: *path_length_m });
+        }
         keep(mail, &MAP_KNOWN, &mut self.map)?;
         keep(mail, &SENSOR_REPORT, &mut self.sensor)?;
         keep(mail, &EXPLORATION_REPORT, &mut self.exploration)?;
@@ -248,9 +257,23 @@ impl Observer {
         self.sensor.as_ref().filter(|report| report.scans >= scans)
     }
 
-    /// Motions that touched the true world, if the sensor has said so of the last scan, and can tell.
+    /// Motions that touched the true world, if the sensor has said so of the last scan, and can tell; of a run that is not over,
+    /// as far as the sensor has said so.
     pub fn contacts(&self) -> Option<u64> {
-        self.last_report()?.contacts
+        let report = if self.motion.is_some() { self.last_report() } else { self.sensor.as_ref() };
+        report?.contacts
+    }
+
+    /// What it has cost to get how far: the controller's own word, or, before the run is over, what its progress comes to.
+    pub fn motion(&self) -> Option<MotionReport> {
+        let so_far = || Some(self.record.report()).filter(|report| report.scans > 0);
+        self.motion.clone().or_else(so_far)
+    }
+
+    /// What frontier is left: the explorer's own word, or, before the run is over, all that the map has, which nobody has looked at.
+    pub fn frontiers_left(&self) -> Option<FrontiersLeft> {
+        let of_map = || self.map.as_ref().map(|map| FrontiersLeft { open: map.frontier, ..FrontiersLeft::default() });
+        self.exploration.as_ref().map(|report| report.frontiers_left).or_else(of_map)
     }
 
     /// Seconds of the community's time since the first pose command.

@@ -61,7 +61,7 @@ pub struct Summary {
     pub travel_seconds: Option<f64>,
     /// How often it stopped since it would have left what was known to be free.
     pub stops: Option<u64>,
-    /// Frontier voxels left, by cause.
+    /// Frontier voxels left, by cause; of a run that was stopped, all that the map has, as open.
     pub frontiers_left: Option<FrontiersLeft>,
     /// Voxels known.
     pub known_voxels: u64,
@@ -71,7 +71,7 @@ pub struct Summary {
     pub occupied_voxels: u64,
     /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
     pub accuracy: Option<f64>,
-    /// Motions on which the robot touched the true world.
+    /// Motions on which the robot touched the true world; of a run that was stopped, as far as the sensor has said so.
     pub contacts: Option<u64>,
     /// Time from the first pose command to the last message of a step (s).
     pub seconds: f64,
@@ -94,13 +94,8 @@ impl Summary {
     pub(crate) fn of(mission: &Mission, observed: &Observer, ran: Ran, ended: Option<&LaunchError>) -> Self {
         let report = observed.exploration.as_ref();
         let (complete, reason) = completeness(mission, observed, ended);
-        let progress = observed.progress.as_ref();
-        let motion = observed.motion.as_ref();
-        let (scans, path_length_m) = match (motion, progress) {
-            (Some(motion), _) => (motion.scans, motion.path_length_m),
-            (None, Some(progress)) => (progress.scans, progress.path_length_m),
-            (None, None) => (0, 0.0),
-        };
+        let motion = observed.motion();
+        let (scans, path_length_m) = motion.as_ref().map_or((0, 0.0), |motion| (motion.scans, motion.path_length_m));
         let (free, occupied) = observed.map.as_ref().map_or((0, 0), |map| (map.free, map.occupied));
         Self {
             mission: mission.name.clone(),
@@ -117,14 +112,14 @@ impl Summary {
             path_length_m,
             travel_seconds: observed.travel.as_ref().map(|travel| travel.secs),
             stops: observed.travel.as_ref().map(|travel| travel.stops),
-            frontiers_left: report.map(|report| report.frontiers_left),
+            frontiers_left: observed.frontiers_left(),
             known_voxels: free + occupied,
             free_voxels: free,
             occupied_voxels: occupied,
             accuracy: observed.accuracy.as_ref().filter(|report| report.voxels > 0).map(|report| report.accuracy),
             contacts: observed.contacts(),
             seconds: observed.seconds(),
-            coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
+            coverage: motion.map(|motion| motion.marks).unwrap_or_default(),
             plans: report.map(|report| report.plans),
             counters: report.map(|report| report.counters.iter().cloned().collect()).unwrap_or_default(),
             cpu_seconds: cpu_seconds(observed),

@@ -1,7 +1,7 @@
 //! What a run cost to get how far.
 
-use elk_spatial::checks::{MAX_COUNT, MAX_REMEMBERED};
-use elk_spatial::messages::{CoverageMark, CoverageSample, MotionReport};
+use crate::checks::{MAX_COUNT, MAX_REMEMBERED};
+use crate::messages::{CoverageMark, CoverageSample, MotionReport};
 
 /// The shares of the final free voxels that are reported.
 const SHARES: [f64; 4] = [0.95, 0.99, 0.999, 1.0];
@@ -24,14 +24,22 @@ impl From<Vec<CoverageSample>> for Record {
 impl Record {
     /// One more scan is in the map.
     pub fn add(&mut self, free: u64, path_length_m: f64) {
-        let scans = (self.scans() + 1).min(MAX_COUNT);
+        self.take(CoverageSample { scans: self.scans() + 1, free, path_length_m });
+    }
+
+    /// What was known after as many scans as a sample says; of no more scans than before it says nothing new.
+    pub fn take(&mut self, sample: CoverageSample) {
+        let scans = sample.scans.min(MAX_COUNT);
+        if scans <= self.scans() {
+            return;
+        }
         let stride = stride(scans);
         let kept = |sample: &CoverageSample| sample.scans.is_multiple_of(stride);
         self.samples.pop_if(|last| !kept(last));
         if self.samples.len() >= MAX_REMEMBERED {
             self.samples.retain(kept);
         }
-        self.samples.push(CoverageSample { scans, free, path_length_m });
+        self.samples.push(CoverageSample { scans, ..sample });
     }
 
     /// Scans so far.
