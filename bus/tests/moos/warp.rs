@@ -6,7 +6,7 @@ use std::time::Duration;
 use elk_bus::moos::client::MoosClient;
 use elk_bus::moos::hello::Manner;
 use elk_bus::moos::message::Kind;
-use elk_bus::{Clock, any};
+use elk_bus::{Client, Clock, RunOptions, Value, any};
 
 use crate::common::events::{Patience, WATCHDOG};
 use crate::server::{Heard, MOMENT, Served, hear};
@@ -79,6 +79,45 @@ fn signs_of_life_show_the_warped_clock_and_come_by_the_wall_s() {
     for beat in beats {
         assert!(is_near(beat.number, clock.now()) && is_near(beat.time, beat.number), "{beat:?}");
     }
+}
+
+/// Regression: a lease was so many of the community's seconds, and a client's place gone before its process was started again.
+#[test]
+fn a_lease_is_the_wall_s_time() {
+    // As long as any test may take; of the community's seconds so many pass at once.
+    const LEASE: Duration = WATCHDOG;
+    let served = Served::warped("warp-lease", WARP, |options| options);
+    let options = RunOptions { lease: LEASE, ..RunOptions::new("reader", served.community.clone()) };
+    let mut writer = served.elk("writer");
+    let mut dead = Client::join(&options).unwrap();
+    dead.comms.register(any("SPEED")).unwrap();
+    dead.comms.flush().unwrap();
+    writer.comms.notify("SPEED", 0.0).unwrap();
+    writer.comms.flush().unwrap();
+    let patience = Patience::new();
+    let mut heard = 0;
+    while heard == 0 {
+        patience.left("it is registered");
+        dead.receive(MOMENT, |_| heard += 1).unwrap();
+    }
+    drop(dead); // without a goodbye
+    let died_at = writer.comms.time();
+    while writer.comms.time() < died_at + 2.0 * LEASE.as_secs_f64() {
+        patience.left("the community's time passes");
+        writer.receive(MOMENT, |_| {}).unwrap();
+    }
+    for number in [1.0, 2.0] {
+        writer.comms.notify("SPEED", number).unwrap();
+    }
+    writer.comms.flush().unwrap();
+    let mut next = Client::join(&options).unwrap();
+    next.comms.register(any("SPEED")).unwrap();
+    let mut speeds = Vec::new();
+    while speeds.last() != Some(&Value::Double(2.0)) {
+        patience.left("its mail");
+        next.receive(MOMENT, |mail| speeds.push(mail.value().to_value())).unwrap();
+    }
+    assert_eq!(speeds, [1.0, 2.0].map(Value::Double), "what was said meanwhile, and not the latest value alone");
 }
 
 #[test]
