@@ -23,7 +23,7 @@ use elk_proto::host::Host;
 use elk_proto::wire::{self, ClientId, Frame, FrameKind, Header, WireError};
 
 use crate::hello::{Hello, Welcome, name_taken, put_poison};
-use crate::message::SHORTEST;
+use crate::message::{Kind, SHORTEST};
 use crate::packet::{Event, StreamError};
 use crate::session::{Context, Session};
 use crate::text::Forms;
@@ -343,6 +343,9 @@ impl Gateway {
             match decoder.next_event() {
                 Ok(Some(Event::Message { message, first })) => {
                     let broker = &mut round.host.broker;
+                    if first && message.kind == Kind::TIMING {
+                        broker.note_sign_of_life(round.now, client.id, message.time);
+                    }
                     let mut context = Context { id: client.id, broker, forms: &mut self.forms };
                     client.session.take(&message, first, &mut context, &mut batch);
                 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use elk_bus::moos::client::MoosClient;
 use elk_bus::moos::hello::Manner;
-use elk_bus::moos::message::Kind;
+use elk_bus::moos::message::{Data, Kind, Message};
 use elk_bus::{Client, Clock, RunOptions, Value, any};
 
 use crate::common::events::{Patience, WATCHDOG};
@@ -118,6 +118,26 @@ fn a_lease_is_the_wall_s_time() {
         next.receive(MOMENT, |mail| speeds.push(mail.value().to_value())).unwrap();
     }
     assert_eq!(speeds, [1.0, 2.0].map(Value::Double), "what was said meanwhile, and not the latest value alone");
+}
+
+/// Regression: the latency of a client that plays a log was that of the log.
+#[test]
+fn a_client_s_latency_is_that_of_its_signs_of_life_whatever_the_times_of_its_messages() {
+    // Warped, so that the server sums up often.
+    let served = Served::warped("warp-latency", WARP, |options| options);
+    let mut moos = MoosClient::connect_at(served.address, "player", Manner::Asynchronous, Clock::new(WARP)).unwrap();
+    moos.register("DB_QOS", 0.0);
+    moos.say(&Message { key: b"OLD", number: 1.0, time: 77.0, ..Message::new(Kind::NOTIFY, Data::DOUBLE) });
+    // recent:max:min:mean (ms)
+    let measured = |one: &Heard| {
+        let of_player = one.text().split(',').find_map(|entry| entry.strip_prefix("player="))?;
+        let found: Vec<f64> = of_player.split(':').map(|number| number.parse().unwrap()).collect();
+        (found[1] > 0.0).then_some(found)
+    };
+    let is_there = |heard: &[Heard]| heard.iter().any(|one| one.key == "DB_QOS" && measured(one).is_some());
+    let heard = hear(&mut moos, "a latency", is_there);
+    let latencies = heard.iter().filter(|one| one.key == "DB_QOS").find_map(measured).unwrap();
+    assert!(latencies.iter().all(|ms| is_near(ms * 1e-3, 0.0)), "{latencies:?}");
 }
 
 #[test]
