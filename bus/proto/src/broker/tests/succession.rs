@@ -34,7 +34,7 @@ fn the_dead_the_slow_and_those_who_come_back_have_the_wall_s_time_whatever_the_w
     b.tick(50.0);
     assert!(!b.is_expected("c"));
 
-    let (mut a, mut slow) = (Speaker::new(b, 50.0, "a"), Speaker::new(b, 50.0, "slow"));
+    let (mut a, slow) = (Speaker::new(b, 50.0, "a"), Speaker::new(b, 50.0, "slow"));
     slow.registration(b, 50.0, FrameKind::Register, "X", "*", 0.0, LOSSLESS);
     (0..10).for_each(|i| a.text(b, 50.0, "X", &i.to_string()));
     assert!(b.holds_back(99.9, a.id) && !b.holds_back(100.0, a.id));
