@@ -4,8 +4,9 @@
     ELK=target/release/elk venv/bin/python tests/pymoos/bench.py [TURNS]
 
 One way, by CLOCK_MONOTONIC in the payload: 64 B at 1 kHz, 1 MB at 30 Hz. The publisher's thread hands a message to core-moos' writing
-thread, and the reader's callback is called on core-moos' reading thread: both are Python's, whose share is in the figures. What of
-it the interpreter takes is measured beside: the same message handed from one such thread to another of one process, without a socket.
+thread, and the reader's callback is called on core-moos' reading thread: both are Python's, whose share is in the figures. Beside it in
+the same run, in turns: the same by elk between two processes of Python's that write and read their sockets themselves, so that the
+difference is core-moos'; and from one thread of Python's to another, which is the interpreter's own share.
 """
 
 import os
@@ -82,6 +83,72 @@ def write(port, length, period, count):
     os._exit(0)
 
 
+def message(kind, data, key=b"", value=b"", number=-1.0, name=b"bare"):
+    """One of MOOS' messages, as it lies in a packet."""
+    text = lambda of: struct.pack("<i", len(of)) + of
+    body = struct.pack("<i", -1) + kind + data + text(name) + text(b"") + text(b"") + text(key)
+    body += struct.pack("<ddd", time.time(), number, -1.0) + text(value)
+    return struct.pack("<i", len(body) + 4) + body
+
+
+def packet(said):
+    return struct.pack("<iib", len(said) + 9, 1, 0) + said
+
+
+class Bare:
+    """A client that is nothing but a socket."""
+
+    def __init__(self, port, name):
+        self.socket = socket.create_connection(("127.0.0.1", port))
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.say(message(b"i", b"S", b"asynchronous", name, name=b""), b"ELKS CAN'T DANCE 2/8/10".ljust(32, b"\0"))
+        self.packet()
+
+    def say(self, said, before=b""):
+        self.socket.sendall(before + packet(said))
+
+    def packet(self):
+        header = self.socket.recv(4, socket.MSG_WAITALL)
+        return self.socket.recv(struct.unpack("<i", header)[0] - 4, socket.MSG_WAITALL)
+
+    def mail(self):
+        """The values of the next packet's messages of bytes."""
+        bytes_, at = self.packet(), 5
+        while at < len(bytes_):
+            end = at + struct.unpack_from("<i", bytes_, at)[0]
+            texts = at + 10
+            for _ in range(4):
+                texts += 4 + struct.unpack_from("<i", bytes_, texts)[0]
+            if bytes_[at + 9 : at + 10] == b"B":
+                yield bytes_[texts + 28 : end]
+            at = end
+
+
+def bare_read(port, count):
+    reader, taken = Bare(port, b"reader"), []
+    reader.say(message(b"R", b"D", b"STAR", number=0.0))
+    reader.say(message(b"N", b"B", b"READY", b"1"))
+    alive = time.monotonic()
+    while len(taken) < count:
+        for data in reader.mail():
+            sent, _ = struct.unpack_from("<qq", data)
+            hash(data)
+            taken.append((now() - sent) / 1e3)
+        if time.monotonic() - alive > 1:
+            alive = time.monotonic()
+            reader.say(message(b"T", b"D", b"_async_timing", number=0.0))
+    print(*taken[WARM_UP:], flush=True)
+
+
+def bare_write(port, length, period, count):
+    writer, filling = Bare(port, b"writer"), bytes(length - 16)
+    writer.say(message(b"R", b"D", b"READY", number=0.0))
+    while not list(writer.mail()):
+        pass
+    paced(period, count, lambda stamp: writer.say(message(b"N", b"B", b"STAR", stamp + filling)))
+    time.sleep(1)
+
+
 def handed_over(length, period, count):
     """The same message by way of two threads of Python's: what the interpreter takes (us)."""
     import queue
@@ -102,14 +169,14 @@ def handed_over(length, period, count):
     return taken[WARM_UP:]
 
 
-def by_elk(turn, length, period, count):
+def by_elk(prefix, turn, length, period, count):
     port = free_port()
     broker = subprocess.Popen([ELK, "db", "--community", f"bench-{os.getpid()}-{turn}", "--moos", f"127.0.0.1:{port}"])
     try:
         while socket.socket().connect_ex(("127.0.0.1", port)):
             time.sleep(0.01)
         own = lambda *words: subprocess.Popen([sys.executable, __file__, *map(str, words)], stdout=subprocess.PIPE, text=True)
-        reader, writer = own("read", port, count), own("write", port, length, period, count)
+        reader, writer = own(f"{prefix}read", port, count), own(f"{prefix}write", port, length, period, count)
         taken = [float(word) for word in reader.communicate(timeout=180)[0].split()[-(count - WARM_UP) :]]
         writer.kill()
         writer.wait()
@@ -126,9 +193,10 @@ def quantiles(taken):
 
 def main(turns):
     for name, (length, period, count) in CASES.items():
-        rows = {"pymoos, elk, pymoos": [], "two threads of Python's": []}
+        rows = {"pymoos, elk, pymoos": [], "sockets of Python's, elk": [], "two threads of Python's": []}
         for turn in range(turns):
-            rows["pymoos, elk, pymoos"].append(quantiles(by_elk(turn, length, period, count)))
+            rows["pymoos, elk, pymoos"].append(quantiles(by_elk("", turn, length, period, count)))
+            rows["sockets of Python's, elk"].append(quantiles(by_elk("bare-", turn, length, period, count)))
             rows["two threads of Python's"].append(quantiles(handed_over(length, period, count)))
         for what, found in rows.items():
             (p50, p99), of_turns = map(statistics.median, zip(*found)), [round(p50) for p50, _ in found]
@@ -137,9 +205,9 @@ def main(turns):
 
 if __name__ == "__main__":
     role, *words = sys.argv[1:] or ["5"]
-    if role == "read":
-        read(*map(int, words))
-    elif role == "write":
-        write(int(words[0]), int(words[1]), float(words[2]), int(words[3]))
+    if role in ("read", "bare-read"):
+        (read if role == "read" else bare_read)(*map(int, words))
+    elif role in ("write", "bare-write"):
+        (write if role == "write" else bare_write)(int(words[0]), int(words[1]), float(words[2]), int(words[3]))
     else:
         main(int(role))
