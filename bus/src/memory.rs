@@ -89,7 +89,7 @@ impl MemoryBroker {
             pending_bytes: usize::MAX,
             ..config.limits
         };
-        let config = BrokerConfig { limits, ..config };
+        let config = BrokerConfig { limits, time_warp: clock.warp(), ..config };
         let state = State {
             host: Some(Host::new(config.clone(), clock.now())),
             endpoints: MemoryEndpoints::default(),

@@ -13,15 +13,17 @@ mod remotes;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener};
+use std::os::fd::OwnedFd;
 
 use elk_os::clock::monotonic_nanos;
+use elk_os::limits::above_others;
 use elk_os::tell;
 use elk_proto::broker::{AdmissionError, Introduction};
 use elk_proto::host::Host;
 use elk_proto::wire::{self, ClientId, Frame, FrameKind, Header, WireError};
 
 use crate::hello::{Hello, Welcome, name_taken, put_poison};
-use crate::message::SHORTEST;
+use crate::message::{Kind, SHORTEST};
 use crate::packet::{Event, StreamError};
 use crate::session::{Context, Session};
 use crate::text::Forms;
@@ -184,6 +186,9 @@ impl Gateway {
     /// The operating system has no thread or descriptor left.
     pub fn start(listening: Listening, community: &str, ring: impl Fn() + Send + 'static) -> io::Result<Self> {
         let Listening { listener, options } = listening;
+        // MOOS' clients connect again at once when they lose their server, and stop for good if that one ends within the
+        // handshake.
+        let listener = TcpListener::from(above_others(OwnedFd::from(listener)));
         let poller = Poller::start(ring)?;
         poller.add(&listener, LISTENER)?;
         let hostname = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
@@ -338,6 +343,9 @@ impl Gateway {
             match decoder.next_event() {
                 Ok(Some(Event::Message { message, first })) => {
                     let broker = &mut round.host.broker;
+                    if first && message.kind == Kind::TIMING {
+                        broker.note_sign_of_life(round.now, client.id, message.time);
+                    }
                     let mut context = Context { id: client.id, broker, forms: &mut self.forms };
                     client.session.take(&message, first, &mut context, &mut batch);
                 }

@@ -8,7 +8,7 @@
 use crate::broker::{Action, AdmissionError, Broker, BrokerConfig, Introduction, Retained, Session, Succession};
 use crate::wire::{BulkRef, ClientId, WireError};
 
-/// How long the sessions of the clients of a broker that died are kept (s).
+/// How long the sessions of the clients of a broker that died are kept (s, the wall's).
 const SESSIONS_KEPT_SECS: f64 = 10.0;
 
 /// How far a client is with its mail.

@@ -18,9 +18,9 @@ pub const HEADER: usize = 48;
 /// The longest frame that a reader accepts (bytes).
 pub const MAX_FRAME: usize = 1 << 30;
 
-/// The longest message that travels in a batch between processes (bytes, the frame whole); a larger value lies in its
-/// publisher's shared memory.
-pub const MAX_MESSAGE: usize = 1 << 20;
+/// The longest message that travels in a batch between processes (bytes, the frame whole): with a value of 1 MiB. A larger
+/// value lies in its publisher's shared memory.
+pub const MAX_MESSAGE: usize = HEADER + MAX_NAME + (1 << 20) + 8;
 /// The longest name of a variable, source, type or community, the longest pattern, and the longest word about a source
 /// (bytes).
 pub const MAX_NAME: usize = 256;

@@ -147,6 +147,7 @@ impl Server {
         let node = lane::node(&namespace)?;
         namespace.close_folder().map_err(unusable)?;
         leftovers::close_shared_memory(&namespace).map_err(io)?;
+        config.time_warp = clock.warp();
         // Those of MOOS' come on top: they take no shared memory.
         config.limits.clients += moos.as_ref().map_or(0, Listening::connections);
         let ring = page.clone();

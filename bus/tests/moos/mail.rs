@@ -207,6 +207,7 @@ fn what_is_not_taken_is_said() {
     elk.comms.flush().unwrap();
     a.notify_number("X", 1.0);
     a.notify_text("X", "one");
+    a.notify_bytes("LONGEST", &vec![0; 1 << 20]);
     a.notify_bytes("TOO_LONG", &vec![0; 3 << 20]);
     a.notify_number("DB_TIME", 0.0);
     a.notify_number("X", 2.0);
@@ -226,8 +227,11 @@ fn what_is_not_taken_is_said() {
         "{said:?}"
     );
     a.register("X", 0.0);
-    let heard = hear(&mut a, "what was taken", |heard| !heard.is_empty());
-    assert_eq!(heard[0].number, 2.0, "and what came behind it was taken");
+    a.register("LONGEST", 0.0);
+    let heard = hear(&mut a, "what was taken", |heard| heard.len() == 2);
+    let of = |key: &str| heard.iter().find(|one| one.key == key).unwrap();
+    assert_eq!(of("X").number, 2.0, "and what came behind it was taken");
+    assert_eq!(of("LONGEST").value.len(), 1 << 20, "a value of 1 MiB is not too long, with its names");
 }
 
 #[test]

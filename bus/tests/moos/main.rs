@@ -2,9 +2,16 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod death;
 mod handshake;
 mod hostile;
 mod mail;
 mod server;
 mod text;
 mod warp;
+
+/// Serves a community, if this process was started for that: see [`common::broker_with_moos`].
+#[test]
+fn broker_process() {
+    common::serve_if_asked_to();
+}

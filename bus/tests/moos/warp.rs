@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use elk_bus::moos::client::MoosClient;
 use elk_bus::moos::hello::Manner;
-use elk_bus::moos::message::Kind;
-use elk_bus::{Clock, any};
+use elk_bus::moos::message::{Data, Kind, Message};
+use elk_bus::{Client, Clock, RunOptions, Value, any};
 
 use crate::common::events::{Patience, WATCHDOG};
 use crate::server::{Heard, MOMENT, Served, hear};
@@ -79,6 +79,65 @@ fn signs_of_life_show_the_warped_clock_and_come_by_the_wall_s() {
     for beat in beats {
         assert!(is_near(beat.number, clock.now()) && is_near(beat.time, beat.number), "{beat:?}");
     }
+}
+
+/// Regression: a lease was so many of the community's seconds, and a client's place gone before its process was started again.
+#[test]
+fn a_lease_is_the_wall_s_time() {
+    // As long as any test may take; of the community's seconds so many pass at once.
+    const LEASE: Duration = WATCHDOG;
+    let served = Served::warped("warp-lease", WARP, |options| options);
+    let options = RunOptions { lease: LEASE, ..RunOptions::new("reader", served.community.clone()) };
+    let mut writer = served.elk("writer");
+    let mut dead = Client::join(&options).unwrap();
+    dead.comms.register(any("SPEED")).unwrap();
+    dead.comms.flush().unwrap();
+    writer.comms.notify("SPEED", 0.0).unwrap();
+    writer.comms.flush().unwrap();
+    let patience = Patience::new();
+    let mut heard = 0;
+    while heard == 0 {
+        patience.left("it is registered");
+        dead.receive(MOMENT, |_| heard += 1).unwrap();
+    }
+    drop(dead); // without a goodbye
+    let died_at = writer.comms.time();
+    while writer.comms.time() < died_at + 2.0 * LEASE.as_secs_f64() {
+        patience.left("the community's time passes");
+        writer.receive(MOMENT, |_| {}).unwrap();
+    }
+    for number in [1.0, 2.0] {
+        writer.comms.notify("SPEED", number).unwrap();
+    }
+    writer.comms.flush().unwrap();
+    let mut next = Client::join(&options).unwrap();
+    next.comms.register(any("SPEED")).unwrap();
+    let mut speeds = Vec::new();
+    while speeds.last() != Some(&Value::Double(2.0)) {
+        patience.left("its mail");
+        next.receive(MOMENT, |mail| speeds.push(mail.value().to_value())).unwrap();
+    }
+    assert_eq!(speeds, [1.0, 2.0].map(Value::Double), "what was said meanwhile, and not the latest value alone");
+}
+
+/// Regression: the latency of a client that plays a log was that of the log.
+#[test]
+fn a_client_s_latency_is_that_of_its_signs_of_life_whatever_the_times_of_its_messages() {
+    // Warped, so that the server sums up often.
+    let served = Served::warped("warp-latency", WARP, |options| options);
+    let mut moos = MoosClient::connect_at(served.address, "player", Manner::Asynchronous, Clock::new(WARP)).unwrap();
+    moos.register("DB_QOS", 0.0);
+    moos.say(&Message { key: b"OLD", number: 1.0, time: 77.0, ..Message::new(Kind::NOTIFY, Data::DOUBLE) });
+    // recent:max:min:mean (ms)
+    let measured = |one: &Heard| {
+        let of_player = one.text().split(',').find_map(|entry| entry.strip_prefix("player="))?;
+        let found: Vec<f64> = of_player.split(':').map(|number| number.parse().unwrap()).collect();
+        (found[1] > 0.0).then_some(found)
+    };
+    let is_there = |heard: &[Heard]| heard.iter().any(|one| one.key == "DB_QOS" && measured(one).is_some());
+    let heard = hear(&mut moos, "a latency", is_there);
+    let latencies = heard.iter().filter(|one| one.key == "DB_QOS").find_map(measured).unwrap();
+    assert!(latencies.iter().all(|ms| is_near(ms * 1e-3, 0.0)), "{latencies:?}");
 }
 
 #[test]

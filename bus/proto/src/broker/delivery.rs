@@ -83,7 +83,7 @@ impl Broker {
         if message.header.flags & BULK != 0 && client.is_disconnected() {
             self.actions.resolve.insert(to);
         }
-        client.mailbox.push(now, message, self.config.lossless_patience_secs);
+        client.mailbox.push(now, message, self.config.lossless_patience());
     }
 
     fn deliver_throttled(&mut self, now: f64, to: ClientId, interval: f64, message: &Message<'_>) {

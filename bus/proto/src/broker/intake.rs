@@ -37,8 +37,10 @@ impl Broker {
             self.name_source(from)?;
             return self.notify(now, from, frame);
         }
-        // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
-        client.latency.note((!self.time.is_driven()).then_some(now - header.time));
+        // A driven clock, which may have been set meanwhile, tells nothing of how long a message took; nor does a time that
+        // the client may have from somebody else.
+        let is_measured = !self.time.is_driven() && !client.is_inside;
+        client.latency.note(is_measured.then_some(now - header.time));
         let (was, is) = (variable.lock, TypeLock::of(&header));
         let is_as_last_time = client.last_published == Some(key);
         if let Some(reason) = self.refusal(from, &header, frame) {
@@ -58,6 +60,14 @@ impl Broker {
             self.tell_those_who_expect_else(key, from);
         }
         Ok(())
+    }
+
+    /// Takes note that a client inside gave a sign of life at `sent_at` (s, by its own clock): how long that took is the
+    /// client's latency. Its messages' times tell nothing of it: they may be those of a log that is played.
+    pub fn note_sign_of_life(&mut self, now: f64, from: ClientId, sent_at: f64) {
+        if let Some(client) = self.sessions.clients.get_mut(&from).filter(|_| !self.time.is_driven()) {
+            client.latency.measure(now - sent_at);
+        }
     }
 
     fn note_writer(&mut self, from: ClientId, key: u32, source: u32) {

@@ -63,7 +63,7 @@ impl Broker {
                 && client.mailbox.is_lossless()
                 && let Some(latest) = variable.latest_message(flags)
             {
-                client.mailbox.push(now, &latest, self.config.lossless_patience_secs);
+                client.mailbox.push(now, &latest, self.config.lossless_patience());
             }
         }
     }

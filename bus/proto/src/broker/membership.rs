@@ -21,7 +21,7 @@ pub struct Introduction<'a> {
     pub name: &'a str,
     /// Which build of which program it is: for people, where two builds have different versions of a type; empty: not said.
     pub build: &'a str,
-    /// How long its session is kept after its death (s); 0: not at all.
+    /// How long its session is kept after its death (s, the wall's); 0: not at all.
     pub lease_secs: f64,
     /// It comes to take over the session of the client that has the name.
     pub succeeds: bool,
@@ -61,10 +61,10 @@ pub enum AdmissionError {
 }
 
 /// How long those who take over sessions of the dead wait, after a broker's death, for those who live to come back and say
-/// again what they know (s).
+/// again what they know (s, the wall's).
 const RETURN_PATIENCE_SECS: f64 = 2.0;
 
-/// The longest that a session is kept (s): a day.
+/// The longest that a session is kept (s, the wall's): a day.
 const LONGEST_LEASE_SECS: f64 = 86_400.0;
 
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
@@ -74,7 +74,7 @@ const LONGEST_BUILD: usize = 64;
 
 impl Broker {
     /// A broker that takes over from one that died: it keeps the `sessions` of the clients that were there, each with
-    /// whether its process still lives and will return, for `patience` (s).
+    /// whether its process still lives and will return, for `patience` (s, the wall's).
     pub fn recover(
         config: BrokerConfig,
         now: f64,
@@ -82,13 +82,14 @@ impl Broker {
         patience: f64,
     ) -> Self {
         let mut broker = Self::new(config, now);
-        broker.time.driver_awaited_until = now + patience;
-        broker.sessions.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
+        let kept_until = now + broker.config.of_wall(patience);
+        broker.time.driver_awaited_until = kept_until;
+        broker.sessions.returns_awaited_until = Some(now + broker.config.of_wall(RETURN_PATIENCE_SECS));
         for (session, returns) in sessions {
             let id = broker
                 .add_client(now, &Introduction { lease_secs: session.lease_secs, ..Introduction::new(&session.name) });
             let Some(client) = broker.sessions.clients.get_mut(&id) else { continue };
-            client.standing = Standing::Disconnected { until: now + patience, returns };
+            client.standing = Standing::Disconnected { until: kept_until, returns };
             client.registrations = session.registrations;
             broker.mark_lossless(id);
             broker.sessions.names.insert(session.name, id);
@@ -229,7 +230,8 @@ impl Broker {
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         let name = client.name.clone();
         if successor.is_some() || (!goodbye && client.lease_secs > 0.0) {
-            let until = if successor.is_some() { f64::INFINITY } else { now + client.lease_secs };
+            let lease = self.config.of_wall(client.lease_secs);
+            let until = if successor.is_some() { f64::INFINITY } else { now + lease };
             client.standing = Standing::Disconnected { until, returns: false };
             self.sessions.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
@@ -250,7 +252,7 @@ impl Broker {
     fn abandon(&mut self, now: f64, id: ClientId) {
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         if let Standing::Disconnected { until, .. } = &mut client.standing {
-            *until = until.min(now + client.lease_secs);
+            *until = until.min(now + self.config.of_wall(client.lease_secs));
         }
     }
 

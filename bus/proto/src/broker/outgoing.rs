@@ -29,7 +29,7 @@ impl Broker {
     /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client
     /// has the session that it came for.
     pub fn holds_back(&self, now: f64, from: ClientId) -> bool {
-        let patience = self.config.lossless_patience_secs;
+        let patience = self.config.lossless_patience();
         let full = |id: &ClientId| self.sessions.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience));
         let client = self.sessions.clients.get(&from);
         client.is_some_and(|client| client.waits_for_its_session() || client.feeds.iter().any(full))
@@ -38,7 +38,7 @@ impl Broker {
     /// Whether publishers wait until a client has read what they sent it. One that has stopped reading is waited for with
     /// limited patience; one that died, as long as its session is kept.
     pub fn waits_for(&self, now: f64, id: ClientId) -> bool {
-        let patience = self.config.lossless_patience_secs;
+        let patience = self.config.lossless_patience();
         let reads = |c: &Client| c.mailbox.is_waited_for(now, patience);
         self.sessions.is_disconnected(id) || self.sessions.clients.get(&id).is_some_and(reads)
     }

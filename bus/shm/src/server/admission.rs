@@ -43,10 +43,8 @@ impl Carrier {
     fn let_in(&mut self, now: f64, connection: u64, stream: Arc<UnixStream>, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
         let Hello { protocol, name, build, lease_secs, succeeds, returns } = hello;
-        // A process is started again by the wall's time, whatever the community's is.
-        let lease_secs = lease_secs * self.clock.warp();
         let claims = Introduction { succeeds: *succeeds, returns: *returns, ..Introduction::new(name) };
-        let who = Introduction { build, lease_secs, ..claims };
+        let who = Introduction { build, lease_secs: *lease_secs, ..claims };
         let admitted = match *protocol {
             handshake::PROTOCOL => self.host.join(now, &who, &mut self.peers).map_err(|refusal| refusal.to_string()),
             other => Err(format!(

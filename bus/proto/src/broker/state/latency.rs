@@ -12,11 +12,18 @@ pub struct Latency {
 }
 
 impl Latency {
-    /// Takes note of one message, and of how long it took, if that is known.
+    /// Counts one message, and takes note of how long it took, if that is known.
     pub fn note(&mut self, secs: Option<f64>) {
         self.count += 1;
+        secs.into_iter().for_each(|secs| self.measure(secs));
+    }
+
+    /// Takes note of how long something took.
+    pub fn measure(&mut self, secs: f64) {
         // A client's time may be anything.
-        let Some(secs) = secs.filter(|secs| secs.is_finite()) else { return };
+        if !secs.is_finite() {
+            return;
+        }
         // The broker's time is that of the beginning of its round, and the message may have come during it.
         let secs = secs.max(0.0);
         self.min = if self.measured == 0 { secs } else { self.min.min(secs) };

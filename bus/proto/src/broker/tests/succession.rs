@@ -21,6 +21,32 @@ fn a_place_is_kept_as_long_as_its_lease() {
     assert!(last.hear(b, 12.1).0[0].latest, "the lease was over: the latest value is all there is");
 }
 
+/// Regression: a lease, and how long a slow reader and clients of a broker that died are waited for, went by the community's
+/// seconds, of which a time warp makes short ones.
+#[test]
+fn the_dead_the_slow_and_those_who_come_back_have_the_wall_s_time_whatever_the_warp() {
+    let config = BrokerConfig { time_warp: 10.0, mailbox_bytes: 10 * 56, ..BrokerConfig::new("test") };
+    let b = &mut Broker::new(config.clone(), 0.0);
+    let dead = join_ready(b, 0.0, &leased("c", 5.0));
+    b.disconnect(0.0, dead.id, 0, false);
+    b.tick(49.9);
+    assert!(b.is_expected("c"), "5 s are 50 of the clock's");
+    b.tick(50.0);
+    assert!(!b.is_expected("c"));
+
+    let (mut a, slow) = (Speaker::new(b, 50.0, "a"), Speaker::new(b, 50.0, "slow"));
+    slow.registration(b, 50.0, FrameKind::Register, "X", "*", 0.0, LOSSLESS);
+    (0..10).for_each(|i| a.text(b, 50.0, "X", &i.to_string()));
+    assert!(b.holds_back(99.9, a.id) && !b.holds_back(100.0, a.id));
+
+    let held = (Session { name: "held".into(), lease_secs: 0.0, registrations: Vec::new() }, true);
+    let b = &mut Broker::recover(config, 0.0, [held], 10.0);
+    b.tick(99.9);
+    assert!(b.is_expected("held"));
+    b.tick(100.0);
+    assert!(!b.is_expected("held"));
+}
+
 #[test]
 fn who_takes_a_place_is_told_what_was_dropped_of_its_mail() {
     let config = BrokerConfig { mailbox_bytes: 10 * 56, ..BrokerConfig::new("test") };
