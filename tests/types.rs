@@ -18,7 +18,7 @@ fn every_mission_that_comes_with_elk_is_right_with_all_explorers() {
     let (_, types) = elk(&["types", "Explorer"]);
     let explorers = types.lines().filter_map(|line| line.strip_prefix("<Explorer type=\"")?.split('"').next());
     let explorers: Vec<&str> = explorers.collect();
-    assert_eq!(explorers.len(), 6, "{types}");
+    assert_eq!(explorers.len(), 7, "{types}");
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("mission-files");
     let files = std::fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path());
     let missions: Vec<_> = files.filter(|file| file.extension().is_some_and(|end| end == "xml")).collect();

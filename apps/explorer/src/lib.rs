@@ -55,7 +55,9 @@ pub use nalgebra;
 pub use policy::Policy;
 pub use program::{main, main_with};
 pub use sight::Sight;
-pub use strategies::{ClosestFrontier, InformationGain, Potential, Random, TYPES, Tour, WeightedInformationGain};
+pub use strategies::{
+    ClosestFrontier, InformationGain, Potential, Random, RecedingHorizon, TYPES, Tour, WeightedInformationGain,
+};
 pub use strategy::{Route, Strategy, View};
 pub use strategy_memory::{LeaveError, StrategyMemory};
 pub use target::Target;

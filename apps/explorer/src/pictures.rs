@@ -44,6 +44,15 @@ pub(crate) fn tour(places: impl IntoIterator<Item = Point3<f64>>) -> Drawing {
     Drawing::new("tour").line_strip(places.iter().copied(), LINE).points(places.iter().skip(1).copied(), CHOSEN)
 }
 
+/// The edges of a tree of ways (m), and the places of the branch that is gone.
+pub(crate) fn tree(edges: &[[Point3<f64>; 2]], branch: &[Point3<f64>]) -> Drawing {
+    let drawing = Drawing::new("tree").lines(edges.iter().flatten().map(place), GOAL);
+    match branch.len() {
+        0 | 1 => drawing,
+        _ => drawing.line_strip(branch.iter().map(place), CHOSEN),
+    }
+}
+
 /// Streamlines (m), with corners `spacing` (m) apart at least: they are followed in steps that nobody sees. Of very many corners
 /// the first ones are drawn.
 pub(crate) fn streamlines(lines: &[Vec<Point3<f64>>], spacing: f64) -> Drawing {

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use elk_geometry::Bounds;
-use elk_world::scenery::{Building, SITES, Site, Solid};
+use elk_geometry::{Bounds, Voxel};
+use elk_world::scenery::{Building, OF_SUITES, SITES, Site, Solid};
 use elk_world::suitability::{Wanted, suitability};
 use elk_world::{CAR_INTERIOR, Placement, World};
 use nalgebra::{Point3, Vector3};
@@ -32,6 +32,31 @@ fn the_files_are_what_the_generator_writes() {
             "{} is out of date: cargo run -p elk-world --example worlds",
             site.name
         );
+    }
+}
+
+/// The cube is of 51³ voxels of 0.2 m.
+#[test]
+fn the_worlds_of_suites_are_what_the_generator_writes_closed_and_of_their_sizes() {
+    let sizes = [[10.0, 10.0, 10.0], [16.2, 9.0, 2.4]];
+    for ((name, build), size) in OF_SUITES.into_iter().zip(sizes) {
+        let path = format!("{}/../../mission-files/suites/worlds/{name}.obj", env!("CARGO_MANIFEST_DIR"));
+        let (scenery, written) = (build(), std::fs::read_to_string(&path).unwrap());
+        assert!(written == scenery.to_obj("cargo run -p elk-world --example worlds"), "{name} is out of date");
+        let world = World::load(&path, &Placement::default()).unwrap();
+        let extents = world.extents();
+        let dim = extents.dim();
+        assert!((0..3).all(|i| (dim[i] - size[i]).abs() < 1e-4), "{name}: {dim:?}");
+        let wanted = Wanted { resolution: 0.1, start: None, range_m: 10.0, volume: Some(extents) };
+        let found = suitability(&world, &wanted);
+        assert!(found.faults.is_empty() && found.warnings.is_empty(), "{name}: {found:?}");
+        let (shell, things) = scenery.solids().split_first().unwrap();
+        assert_closed(shell, -1.0);
+        things.iter().for_each(|solid| assert_closed(solid, 1.0));
+        if name == "cube" {
+            let [low, high] = [extents.min, extents.max].map(|corner| Voxel::containing(corner, 0.2));
+            assert_eq!((high - low).to_array(), [50; 3]);
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use elk_bus::codec::{self, encode_onto};
 use elk_controller::{Action, Allowance, Follower};
 use elk_explorer::strategies::Start;
 use elk_explorer::{
-    ClosestFrontier, Explorer, InformationGain, Policy, Potential, Random, Settings, Strategy, Tour,
+    ClosestFrontier, Explorer, InformationGain, Policy, Potential, Random, RecedingHorizon, Settings, Strategy, Tour,
     WeightedInformationGain,
 };
 use elk_field::Solver;
@@ -264,5 +264,6 @@ pub fn strategies(solver: Solver, tolerance: Option<f64>, isovolumes: f64) -> Ve
         Box::new(InformationGain { seed }),
         Box::new(WeightedInformationGain { seed, lambda }),
         Box::new(Tour),
+        Box::<RecedingHorizon>::default(),
     ]
 }

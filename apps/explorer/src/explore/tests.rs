@@ -2,7 +2,9 @@ use super::*;
 use elk_geometry::Bounds;
 use elk_geometry::clearance::Clearance;
 
-use crate::strategies::{ClosestFrontier, InformationGain, Potential, Random, Start, Tour, WeightedInformationGain};
+use crate::strategies::{
+    ClosestFrontier, InformationGain, Potential, Random, RecedingHorizon, Start, Tour, WeightedInformationGain,
+};
 use crate::{LeaveError, Policy};
 use elk_bus::{DecodeError, Describe};
 use elk_field::Solver;
@@ -100,11 +102,12 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
         let pose = poses[poses.len() - 1];
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
         let plan = explorer.plan(&grid, &request);
-        let memory = explorer.memory(&plan).0;
+        let (memory, own) = explorer.memory(&plan);
         past = explorer.take_past().unwrap_or(past);
         if let Some(mut next) = successor(id) {
             next.hear_of_past(past.clone());
             next.succeed(&memory);
+            own.iter().for_each(|own| assert_eq!(next.recall(own), None));
             next.hear_of_camera(&camera(), RESOLUTION);
             next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
             explorer = next;
@@ -162,6 +165,8 @@ fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
         run(weighted(), settings(Policy::thesis(0.4))),
         run(Box::new(Tour), settings(Policy::elk(0.4))),
         run(Box::new(Tour), settings(Policy::thesis(0.4))),
+        run(Box::<RecedingHorizon>::default(), settings(Policy::elk(0.4))),
+        run(Box::<RecedingHorizon>::default(), settings(Policy::thesis(0.4))),
     ];
     for Run { report, grid, .. } in &runs {
         assert!(report.complete, "{report:?}");
@@ -411,6 +416,15 @@ fn who_keeps_nothing_goes_on_as_the_one_before_would_have() {
         let (alone, exchanged) = (relay(new(), |_| None), relay(new(), |_| Some(new())));
         assert!(alone.report.complete && alone.poses == exchanged.poses, "{:?}", alone.report);
     }
+}
+
+/// It keeps the rest of its branch and places to go back to, and its successor has them.
+#[test]
+fn a_receding_horizon_goes_on_from_what_the_one_before_has_kept() {
+    let new = || Explorer::new(Box::<RecedingHorizon>::default(), settings(Policy::elk(0.4)));
+    let (alone, exchanged) = (relay(new(), |_| None), relay(new(), |_| Some(new())));
+    assert!(alone.report.complete && alone.report.plans > 10, "{:?}", alone.report);
+    assert_eq!((alone.poses, alone.report), (exchanged.poses, exchanged.report));
 }
 
 /// What a strategy of somebody's remembers.

@@ -6,9 +6,11 @@
 mod candidates;
 mod card;
 mod closest_frontier;
+mod groups;
 mod information_gain;
 mod potential;
 mod random;
+mod receding_horizon;
 mod tour;
 mod weighted_information_gain;
 
@@ -16,6 +18,7 @@ pub use closest_frontier::ClosestFrontier;
 pub use information_gain::InformationGain;
 pub use potential::{Potential, Start};
 pub use random::Random;
+pub use receding_horizon::{RecedingHorizon, Settings as RecedingHorizonSettings};
 pub use tour::Tour;
 pub use weighted_information_gain::WeightedInformationGain;
 
@@ -29,4 +32,5 @@ pub static TYPES: &[AppType] = &[
     information_gain::TYPE,
     weighted_information_gain::TYPE,
     tour::TYPE,
+    receding_horizon::TYPE,
 ];

@@ -17,11 +17,11 @@ use elk_geometry::bricks::brick_of;
 use elk_mission::AppType;
 use nalgebra::Point3;
 
+use super::groups::{Group, VIEW_M, groups, in_sight};
 use crate::app::{COMMON, app};
 use crate::journal::Journal;
 use crate::pictures;
 use crate::strategy::{Route, Strategy, View};
-use crate::target::Target;
 use itinerary::itinerary;
 use roadmap::{LATTICE, Roadmap};
 
@@ -37,22 +37,12 @@ pub const TYPE: AppType = AppType {
 
 /// Groups of targets that a tour is made of at most, unless they are too far apart for that.
 const MOST_GROUPS: usize = 64;
-/// Cells have an edge of so many powers of two at most (voxels).
-const COARSEST: u32 = 5;
-/// How far from the robot cells are single voxels, at least and at most (voxels): at twice the distance their edge is twice as long.
-const FINE: (f64, f64) = (0.5, 64.0);
 /// So many targets in a brick (8³ voxels) are much to be seen.
 const MUCH: usize = 24;
 /// As long as there is much to be seen anywhere, little is only seen to if it is so near (m).
 const LITTLE_NEAR_M: f64 = 3.0;
 /// Farther away than this viewpoints lie in a lattice twice as wide (m).
 const NEAR_M: f64 = 2.0;
-/// How far a viewpoint is from what it is for, at most (m): as the policy `elk` trusts a look.
-const VIEW_M: f64 = 5.0;
-
-/// So near what was looked at in vain another look from the same place is in vain as well (m): a surface seen at a grazing angle has
-/// many such voxels.
-const ALIKE_M: f64 = 0.5;
 
 /// Goes to the first stop of the shortest tour that it finds.
 #[derive(Debug, Clone, Copy, Default)]
@@ -65,14 +55,6 @@ struct Place {
     position: Point3<f64>,
     /// Way to it from where the route starts (m).
     way_m: f64,
-}
-
-/// Targets that lie in one cell of the octree, of which the first stands for all.
-#[derive(Debug)]
-struct Group<'a> {
-    target: &'a Target,
-    /// The goal's voxel, if there is one near.
-    goal: Option<Voxel>,
 }
 
 impl Strategy for Tour {
@@ -88,7 +70,7 @@ impl Strategy for Tour {
         if let Some(goal) = journal.time("views", || in_sight(view)) {
             return Some(Route { points: vec![view.from], goal });
         }
-        let groups = worthwhile(view, groups(view));
+        let groups = worthwhile(view, groups(view, MOST_GROUPS));
         let roadmap = journal.time("roadmap", || Roadmap::new(view.space, view.space.start()));
         let (places, sets) = journal.time("views", || viewpoints(view, &groups, &roadmap));
         journal.count("groups", groups.len() as u64);
@@ -106,51 +88,9 @@ impl Strategy for Tour {
     }
 }
 
-/// What is seen from where the route starts, if anything is that does not lie near what was looked at from there in vain: the
-/// nearest.
-fn in_sight(view: &View<'_>) -> Option<Voxel> {
-    let (resolution, range_m) = (view.space.resolution(), VIEW_M.min(view.sight.range_m));
-    let here = Voxel::containing(view.from, resolution);
-    let in_vain: Vec<Voxel> = view.open.iter().filter(|t| !t.untried(here)).map(|t| t.voxel).collect();
-    let hopeful = |target: &&Target| in_vain.iter().all(|v| v.distance(target.voxel) * resolution > ALIKE_M);
-    let away = |target: &Target| (target.voxel.center(resolution) - view.from).norm();
-    let near = view.open.iter().map(|target| (away(target), target)).filter(|(away, _)| *away <= range_m);
-    let mut near: Vec<(f64, &Target)> = near.collect();
-    near.sort_by(|one, other| one.0.total_cmp(&other.0));
-    let mut near = near.into_iter().map(|(_, target)| target);
-    near.find(|target| hopeful(target) && target.seen_from(view.space, view.from)).map(|target| target.voxel)
-}
-
 /// A bound on the way between two places (m): the straight line, and what is left of the one's way at the end of the other's.
 fn distance(one: &Place, other: &Place) -> f64 {
     (one.position - other.position).norm().max((one.way_m - other.way_m).abs())
-}
-
-/// The targets in groups: those in the cells of an octree, which are the larger the farther away they are, and as small as can be
-/// afforded.
-fn groups<'a>(view: &View<'a>) -> Vec<Group<'a>> {
-    let far = view.open.iter().map(|target| Group { target, goal: None });
-    let near = view.goals.iter().map(|goal| Group { target: &goal.target, goal: Some(goal.voxel) });
-    // Of a target with a goal near by, that stands.
-    let all: BTreeMap<Voxel, Group<'a>> = far.chain(near).map(|group| (group.target.voxel, group)).collect();
-    if all.len() <= MOST_GROUPS {
-        return all.into_values().collect();
-    }
-    let ranges = std::iter::successors(Some(FINE.1), |range| Some(range / std::f64::consts::SQRT_2));
-    let mut groups = BTreeMap::new();
-    for range in ranges.take_while(|range| *range >= FINE.0) {
-        groups.clear();
-        for target in all.keys() {
-            let doubled = (target.distance(view.space.start()) / range).max(1.0).log2();
-            let bits = (doubled as u32).min(COARSEST);
-            groups.entry((bits, target.to_array().map(|c| c >> bits))).or_insert(*target);
-        }
-        if groups.len() <= MOST_GROUPS {
-            break;
-        }
-    }
-    let first: BTreeSet<Voxel> = groups.into_values().collect();
-    all.into_iter().filter(|(target, _)| first.contains(target)).map(|(_, group)| group).collect()
 }
 
 /// Those groups that the tour is to lead past: as long as there is much to be seen anywhere, what is little is left for later unless it
@@ -177,7 +117,7 @@ fn viewpoints(view: &View<'_>, groups: &[Group<'_>], roadmap: &Roadmap<'_>) -> (
     let (lattice, range_m) = (places.len(), VIEW_M.min(view.sight.range_m));
     let is_wide = |voxel: Voxel| voxel.to_array().iter().all(|c| c.rem_euclid(2 * LATTICE) == 0);
     let mut sets = Vec::new();
-    for Group { target, goal } in groups {
+    for Group { target, goal, .. } in groups {
         let center = target.voxel.center(resolution);
         let sees = |place: &Place| {
             let away = (place.position - center).norm();
@@ -220,7 +160,8 @@ mod tests {
         let goals = |count: u32| -> Vec<[f64; 3]> {
             (0..count).map(|k| [0.55 + 0.1 * f64::from(k % 70), 0.55 + 0.1 * f64::from(k / 70), 1.25]).collect()
         };
-        let groups_of = |count| groups(&Room::new([8.0, 3.0, 2.5], [4.05, 2.55, 1.25], &goals(count)).view()).len();
+        let groups_of =
+            |count| groups(&Room::new([8.0, 3.0, 2.5], [4.05, 2.55, 1.25], &goals(count)).view(), MOST_GROUPS).len();
         assert_eq!(groups_of(MOST_GROUPS as u32), MOST_GROUPS);
         let many = groups_of(1000);
         assert!(many <= MOST_GROUPS && many > MOST_GROUPS / 8, "{many}");
@@ -246,7 +187,7 @@ mod tests {
         let goals: Vec<[f64; 3]> = wall.chain(near).collect();
         let room = Room::new([8.0, 5.0, 2.9], [1.05, 2.05, 1.25], &goals);
         let view = room.view();
-        let groups = groups(&view);
+        let groups = groups(&view, MOST_GROUPS);
         let is_near = |group: &&Group<'_>| group.target.voxel.x < 20;
         assert_eq!(groups.iter().filter(is_near).count(), near.len());
         assert!(groups.len() <= MOST_GROUPS && groups.len() > near.len() + 3, "{}", groups.len());
