@@ -2,9 +2,12 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod conformance;
+mod conformance_table;
 mod handshake;
 mod hostile;
 mod mail;
 mod server;
 mod text;
 mod warp;
+mod wire;
