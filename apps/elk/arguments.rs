@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use clap::Args;
 use elk_bus::Community;
 use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
-use elk_bus::moos::gateway::{Address, GatewayOptions, Network};
+use elk_bus::moos::gateway::{Address, CONNECTIONS, GatewayOptions, MOST_CONNECTIONS, Network};
 use elk_bus::moos::text::Texts;
 use elk_mission::{Mission, Override};
 
@@ -48,14 +48,22 @@ pub struct BrokerArgs {
     /// Variables whose typed values they hear and say as Key=Value texts; may be said several times
     #[arg(long, value_name = "PATTERN", requires = "moos")]
     pub moos_text: Vec<String>,
+    /// The most of them at a time (1 to 1024)
+    #[arg(long, value_name = "N", default_value_t = CONNECTIONS as u32, requires = "moos",
+          value_parser = clap::value_parser!(u32).range(1..=MOST_CONNECTIONS as i64))]
+    pub moos_connections: u32,
 }
 
 impl BrokerArgs {
     /// Where MOOS' clients may connect, if they may.
     pub fn gateway(&self) -> Option<GatewayOptions> {
-        let (networks, any_source) = (self.moos_from.clone(), self.moos_any_source);
-        let texts = Texts::new(self.moos_text.iter().cloned());
-        self.moos.clone().map(|address| GatewayOptions { networks, any_source, texts, ..GatewayOptions::new(address) })
+        Some(GatewayOptions {
+            address: self.moos.clone()?,
+            networks: self.moos_from.clone(),
+            any_source: self.moos_any_source,
+            texts: Texts::new(self.moos_text.iter().cloned()),
+            connections: self.moos_connections as usize,
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Who may come to a mission's broker beside its apps: `<Bus>`, and what MOOS' apps are told, `MOOSHost` and `MOOSPort`.
 
-use elk_bus::moos::gateway::{Address, GatewayOptions, Network};
+use elk_bus::moos::gateway::{Address, CONNECTIONS, GatewayOptions, MOST_CONNECTIONS, Network};
 use elk_bus::moos::text::Texts;
 use roxmltree::Node;
 
@@ -8,7 +8,7 @@ use crate::draft::Draft;
 use crate::element;
 use crate::kind::Kind;
 use crate::nearest::instead;
-use crate::policy::Attribute;
+use crate::policy::{Attribute, integer};
 use crate::problem::{At, Findings};
 use crate::resolve::Given;
 use crate::xml::loose_text;
@@ -21,8 +21,10 @@ pub(crate) const BUS: &str = "Bus";
 const HOST: (&str, &str) = ("MOOSHost", "localhost");
 const PORT: (&str, &str) = ("MOOSPort", "9000");
 
+const COUNT: Kind = Kind::Integer { min: 1, max: MOST_CONNECTIONS as i64 };
+
 /// Its attributes.
-pub(crate) const OF_BUS: [Attribute; 4] = [
+pub(crate) const OF_BUS: [Attribute; 5] = [
     Attribute {
         name: "moos",
         kind: Kind::Text,
@@ -48,6 +50,12 @@ pub(crate) const OF_BUS: [Attribute; 4] = [
         default: "none",
         doc: "Variables whose typed values they hear and say as Key=Value texts: names or patterns, with blanks between them.",
     },
+    Attribute {
+        name: "connections",
+        kind: COUNT,
+        default: "128",
+        doc: "The most of them at a time; a further one is refused.",
+    },
 ];
 
 /// What the element says.
@@ -60,13 +68,14 @@ pub(crate) struct Said {
     networks: Vec<Network>,
     any_source: bool,
     texts: Texts,
+    connections: usize,
 }
 
 impl Said {
     /// That clients of this machine may connect there.
     pub fn at(at: At, address: Address) -> Self {
         let (networks, any_source, texts) = (Vec::new(), false, Texts::default());
-        Self { at, address: Some(address), says_where: true, networks, any_source, texts }
+        Self { at, address: Some(address), says_where: true, networks, any_source, texts, connections: CONNECTIONS }
     }
 }
 
@@ -78,6 +87,7 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Said {
         problems.add(&At::Byte(child.range().start), said);
     }
     let (mut address, mut networks, mut any_source, mut texts) = (None, Vec::new(), false, Texts::default());
+    let mut connections = CONNECTIONS;
     for attribute in node.attributes() {
         let at = At::Byte(attribute.range_value().start);
         let value = attribute.value().trim();
@@ -97,6 +107,10 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Said {
                 problems.add(&at, format!("sources {value:?} is not offered; {right}"));
             }
             "texts" => texts = Texts::of(value),
+            "connections" => match integer(COUNT, value, CONNECTIONS as u32) {
+                Ok(count) => connections = count as usize,
+                Err(error) => problems.add(&at, format!("connections {error}")),
+            },
             other => {
                 let right = instead(other, &OF_BUS.each_ref().map(|attribute| attribute.name));
                 problems.add(&At::Byte(attribute.range().start), format!("{BUS} has no attribute {other}; {right}"));
@@ -104,7 +118,7 @@ pub(crate) fn read(node: Node, problems: &mut Findings) -> Said {
         }
     }
     let (at, says_where) = (At::Byte(node.range().start), node.has_attribute("moos"));
-    Said { at, address, says_where, networks, any_source, texts }
+    Said { at, address, says_where, networks, any_source, texts, connections }
 }
 
 /// Where clients of MOOS' of the mission itself connect if nobody says where: whoever starts it chooses the port, so that no
@@ -138,8 +152,8 @@ pub(crate) fn gateway(bus: Option<Said>, drafts: &mut [Draft], problems: &mut Fi
         }
         None => {}
     }
-    let Said { networks, any_source, texts, .. } = bus;
-    Some(GatewayOptions { networks, any_source, texts, ..GatewayOptions::new(bus.address.or(to_apps)?) })
+    let Said { networks, any_source, texts, connections, .. } = bus;
+    Some(GatewayOptions { address: bus.address.or(to_apps)?, networks, any_source, texts, connections })
 }
 
 /// What elk's apps are told of a parameter, all of them the same. Of a program of somebody else's it may be a parameter.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use elk_bus::moos::gateway::GatewayOptions;
+use elk_bus::moos::gateway::{CONNECTIONS, GatewayOptions};
 
 use crate::arguments::join_arguments;
 use crate::bus::BUS;
@@ -58,9 +58,11 @@ fn put_bus(text: &mut String, moos: &GatewayOptions) {
     let sources = if moos.any_source { "any" } else { "own" };
     let texts = moos.texts.patterns().collect::<Vec<_>>().join(" ");
     let texts = if texts.is_empty() { texts } else { format!(" texts=\"{}\"", escaped(&texts)) };
+    let most = moos.connections;
+    let most = if most == CONNECTIONS { String::new() } else { format!(" connections=\"{most}\"") };
     let address = escaped(&moos.address.to_string());
     // Writing to a String cannot fail.
-    let _ = writeln!(text, "    <{BUS} moos=\"{address}\"{from} sources=\"{sources}\"{texts}/>");
+    let _ = writeln!(text, "    <{BUS} moos=\"{address}\"{from} sources=\"{sources}\"{texts}{most}/>");
 }
 
 fn put_app(text: &mut String, app: &AppSpec, omit: &dyn Fn(&AppSpec, &str) -> bool) {

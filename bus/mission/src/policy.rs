@@ -258,7 +258,8 @@ fn count(value: &str) -> Result<u32, ValueError> {
     integer(COUNT, value, Policy::default().restarts)
 }
 
-fn integer(kind: Kind, value: &str, default: u32) -> Result<u32, ValueError> {
+/// A whole number of this kind.
+pub(crate) fn integer(kind: Kind, value: &str, default: u32) -> Result<u32, ValueError> {
     match kind.parse(value, Path::new(""))? {
         ParamValue::Integer(count) => Ok(u32::try_from(count).unwrap_or(u32::MAX)),
         _ => Ok(default),

@@ -27,7 +27,7 @@ use crate::message::{Kind, SHORTEST};
 use crate::packet::{Event, StreamError};
 use crate::session::{Context, Session};
 use crate::text::Forms;
-pub use address::{Address, AddressError, GatewayError, GatewayOptions, Network};
+pub use address::{Address, AddressError, CONNECTIONS, GatewayError, GatewayOptions, MOST_CONNECTIONS, Network};
 use answers::Answering;
 use connection::{Connection, Look, Named};
 use poller::{Poller, Token};

@@ -19,8 +19,9 @@ fn a_client_is_welcomed_with_community_host_and_true_skew() {
         let welcomed = client.welcomed();
         assert_eq!(welcomed.community, served.community.as_str());
         assert!(welcomed.hostname.starts_with("hostname=") && welcomed.hostname.len() > 9, "{welcomed:?}");
-        // MOOS' own server says its 0.1 s of sleep here, and a busy machine may take its time.
-        assert!((0.0..60.0).contains(&welcomed.skew), "{welcomed:?}");
+        // MOOS' own server says its 0.1 s of sleep here, and a busy machine may take its time. The server's is that of its round,
+        // which may have begun before the client spoke.
+        assert!((-1.0..60.0).contains(&welcomed.skew), "{welcomed:?}");
     }
     // Nothing but the welcome comes unasked.
     let mut old = served.synchronous("old");

@@ -3,6 +3,8 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod death;
+mod conformance;
+mod conformance_table;
 mod handshake;
 mod hostile;
 mod mail;
@@ -15,3 +17,4 @@ mod warp;
 fn broker_process() {
     common::serve_if_asked_to();
 }
+mod wire;

@@ -55,7 +55,8 @@ impl Environment {
         command.arg("db").args(["--community", self.community.as_str()]);
         command.args(["--mailbox", &setup.mailbox_mb.to_string(), "--time-warp", &setup.time_warp.to_string()]);
         if let Some(moos) = &setup.moos {
-            command.args(["--moos", &moos.address.to_string()]);
+            let connections = moos.connections.to_string();
+            command.args(["--moos", &moos.address.to_string(), "--moos-connections", &connections]);
             moos.networks.iter().for_each(|one| _ = command.args(["--moos-from", &one.to_string()]));
             command.args(moos.any_source.then_some("--moos-any-source"));
             moos.texts.patterns().for_each(|one| _ = command.args(["--moos-text", one]));

@@ -18,7 +18,7 @@ use crate::error::LaunchError;
 use crate::process::escaped::RunId;
 
 /// Counts up when the words change.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 /// What it is called in the community's folder.
 const KEPT: &str = "launch-state";
 /// How long the broker may take to say the variable's value.
@@ -92,6 +92,7 @@ struct MoosState {
     networks: Vec<String>,
     any_source: bool,
     texts: Vec<String>,
+    connections: usize,
 }
 
 impl LaunchState {
@@ -285,7 +286,8 @@ impl MoosState {
     fn of(moos: &GatewayOptions) -> Self {
         let networks = moos.networks.iter().map(ToString::to_string).collect();
         let texts = moos.texts.patterns().map(str::to_owned).collect();
-        Self { address: moos.address.to_string(), networks, any_source: moos.any_source, texts }
+        let GatewayOptions { any_source, connections, .. } = *moos;
+        Self { address: moos.address.to_string(), networks, any_source, texts, connections }
     }
 
     /// The options, or what is wrong with their words.
@@ -294,7 +296,7 @@ impl MoosState {
         let networks = self.networks.iter().map(|one| one.parse()).collect::<Result<_, _>>().map_err(odd)?;
         let address = self.address.parse().map_err(odd)?;
         let (any_source, texts) = (self.any_source, Texts::new(self.texts.iter().cloned()));
-        Ok(GatewayOptions { networks, any_source, texts, ..GatewayOptions::new(address) })
+        Ok(GatewayOptions { address, networks, any_source, texts, connections: self.connections })
     }
 }
 

@@ -98,6 +98,13 @@ fn clients_of_moos_are_let_in_where_the_bus_says() {
     wrong(r#"<Bus moos="localhost:9000" sources="all"/>"#, "sources \"all\" is not offered; known: own, any");
     wrong(r#"<Bus mos="localhost:9000"/>"#, "Bus has no attribute mos; did you mean moos?");
     wrong("<Bus/>", "<Bus> says nothing of moos");
+    let many = r#"<Bus moos="localhost:9000" sources="own" connections="1024"/>"#;
+    assert_eq!(moos(many).unwrap().unwrap().connections, 1024);
+    assert!(again(many).contains(many), "{}", again(many));
+    assert_eq!(moos(r#"<Bus moos="localhost:9000"/>"#).unwrap().unwrap().connections, 128);
+    for bad in ["0", "1025", "many"] {
+        wrong(&format!(r#"<Bus moos="localhost:9000" connections="{bad}"/>"#), "whole number from 1 to 1024");
+    }
     wrong(r#"<Bus moos="localhost:9000"><X/></Bus>"#, "<X> within <Bus>");
     wrong(r#"<Bus moos="localhost:9000"/><Bus moos="localhost:9001"/>"#, "a second <Bus>");
 }

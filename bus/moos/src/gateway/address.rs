@@ -8,7 +8,9 @@ use std::str::FromStr;
 use crate::text::Texts;
 
 /// The most clients of MOOS' at a time, if nobody says otherwise.
-const CONNECTIONS: usize = 128;
+pub const CONNECTIONS: usize = 128;
+/// The most that anybody can say: each may have a message of 1 MiB on its way in.
+pub const MOST_CONNECTIONS: usize = 1024;
 
 /// How a gateway is to be.
 #[derive(Debug, Clone, PartialEq, Eq)]

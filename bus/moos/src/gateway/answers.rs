@@ -62,7 +62,8 @@ fn put_text(key: &str, text: &str, packet: &mut PacketWriter<'_>) {
 /// (Hz).
 fn put_variable(one: &Surveyed<'_>, text: Option<String>, packet: &mut PacketWriter<'_>) {
     let message = Message { id: REQUEST_ID, key: one.key.as_bytes(), ..Message::new(Kind::NOTIFY, Data::NOT_SET) };
-    let Some(frame) = &one.latest else { return packet.put(&message) };
+    // One that somebody waits for, and nobody has written.
+    let Some(frame) = &one.latest else { return packet.put(&Message { second: one.rate_hz, ..message }) };
     let (data, bytes) = match &text {
         Some(text) => (Data::STRING, text.as_bytes()),
         None => (data_of(frame.header.value_kind), frame.value),

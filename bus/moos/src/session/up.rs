@@ -11,6 +11,9 @@ use crate::text::{Forms, LONGEST_VALUE, Read, Texts};
 /// The type of bytes of which MOOS says nothing more.
 pub const BYTES_TYPE: &str = "MOOS binary";
 
+/// Why a message without a key is not taken.
+const NO_NAME: &str = "it names no variable";
+
 /// What a session works with: its client in the broker of this process, and what that one's types are as texts.
 pub struct Context<'a> {
     /// The client.
@@ -65,6 +68,9 @@ impl Up {
     /// A message that the client publishes.
     pub fn notify(&self, message: &Message<'_>, context: &mut Context<'_>, batch: &mut Vec<u8>) -> Result<(), Refusal> {
         let refused = |reason: &str| Err(Refusal { key: shown(message.key), reason: reason.to_owned() });
+        if message.key.is_empty() {
+            return refused(NO_NAME);
+        }
         if !message.time.is_finite() {
             return refused("its time is no number");
         }
@@ -154,13 +160,18 @@ impl Up {
     /// A subscription to a variable, or its end.
     pub fn register(&self, message: &Message<'_>, kind: FrameKind, batch: &mut Vec<u8>) -> Result<(), Refusal> {
         let key = text(message.key, message.key)?;
+        if key.is_empty() {
+            return Err(Refusal { key: String::new(), reason: NO_NAME.to_owned() });
+        }
         put_registration(batch, kind, key, "*", message.number);
         Ok(())
     }
 
     /// A subscription to patterns, or its end.
     pub fn wildcard(&self, message: &Message<'_>, kind: FrameKind, batch: &mut Vec<u8>) -> Result<(), Refusal> {
-        let Wildcard { sources, keys, interval } = Wildcard::read(text(message.value, message.value)?);
+        let refused = |reason: &str| Refusal { key: shown(message.value), reason: reason.to_owned() };
+        let Wildcard { sources, keys, interval } =
+            Wildcard::read(text(message.value, message.value)?).map_err(refused)?;
         put_registration(batch, kind, &keys, &sources, interval);
         Ok(())
     }

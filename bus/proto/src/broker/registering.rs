@@ -97,7 +97,13 @@ impl Broker {
             let had = latest.is_ok_and(|h| {
                 self.is_delivered(key, h.source, client) || waiting.contains(&(key, h.source, h.sequence))
             });
+            let waited = self.variables.end_wait(key, client);
             self.match_routes(key, client);
+            // By the interval that it had it would have come: whoever changes that has it now, or might never.
+            if let Some(message) = waited.as_deref().and_then(Message::stored) {
+                self.deliver(now, client, &message);
+                self.note_sent(now, key, client, registration);
+            }
             self.give_latest(now, key, client, registration, had, many);
         }
     }
@@ -161,6 +167,11 @@ impl Broker {
             let Some(message) = frame.as_deref().and_then(Message::stored) else { return };
             self.deliver(now, to, &message);
         }
+        self.note_sent(now, key, to, registration);
+    }
+
+    /// A client was given a message of a variable: the interval of its registration begins.
+    fn note_sent(&mut self, now: f64, key: u32, to: ClientId, registration: &Registration) {
         if registration.min_interval > 0.0 {
             self.variables[key].throttle(to).last_sent = now;
         }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::state::Broker;
 use super::state::expected::Expected;
+use crate::pattern;
 use crate::wire::{self, Frame, ValueKind};
 
 /// A variable of the community.
@@ -40,9 +41,9 @@ pub enum Carried<'a> {
 }
 
 impl Broker {
-    /// All variables, in the order in which they were first named.
+    /// All variables, in the order in which they were first named; then those that nobody has named but who waits for them.
     pub fn survey(&self) -> impl Iterator<Item = Surveyed<'_>> {
-        (0..).zip(self.variables.iter()).map(|(key, variable)| {
+        let named = (0..).zip(self.variables.iter()).map(|(key, variable)| {
             let latest = wire::first_frame(&variable.latest).ok();
             Surveyed {
                 key: self.names.keys.name(key),
@@ -52,7 +53,20 @@ impl Broker {
                 written_secs: variable.last_write - self.time.started,
                 rate_hz: variable.rate_hz,
             }
-        })
+        });
+        let nothing = |key| Surveyed { key, latest: None, source: "", community: "", written_secs: -1.0, rate_hz: 0.0 };
+        named.chain(self.awaited().into_iter().map(nothing))
+    }
+
+    /// The names that clients who are there have registered for, and under which nothing was ever said, in their order.
+    fn awaited(&self) -> BTreeSet<&str> {
+        let registrations = self.sessions.present().flat_map(|(_, client)| &client.registrations);
+        let keys = registrations.map(|registration| registration.key_pattern.as_str());
+        keys.filter(|key| pattern::is_literal(key) && self.names.keys.known(key).is_none()).collect()
+    }
+
+    fn is_unwritten(&self, key: &str) -> bool {
+        self.names.keys.known(key).is_none_or(|key| self.variables[key].routes.is_empty())
     }
 
     /// What a variable carries; `None`: it carries nothing yet.
@@ -84,7 +98,9 @@ impl Broker {
                 read[*index as usize].push(self.names.keys.name(key));
             }
         }
-        self.sessions.present().zip(read).map(|((_, client), read)| {
+        self.sessions.present().zip(read).map(|((_, client), mut read)| {
+            let keys = client.registrations.iter().map(|registration| registration.key_pattern.as_str());
+            read.extend(keys.filter(|key| pattern::is_literal(key) && self.is_unwritten(key)));
             let written = client.published.iter().map(|key| self.names.keys.name(*key));
             (client.name.as_str(), read, written.collect())
         })

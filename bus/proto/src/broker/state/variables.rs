@@ -88,12 +88,12 @@ impl Variables {
         true
     }
 
-    /// What waits for a client's time to come does so no longer.
-    pub fn end_wait(&mut self, key: u32, client: ClientId) {
-        if let Some((due, frame)) = self[key].take_pending(client) {
-            self.pending_bytes -= frame.len();
-            self.due.remove(&(due, key, client));
-        }
+    /// What waits for a client's time to come does so no longer; the message that did.
+    pub fn end_wait(&mut self, key: u32, client: ClientId) -> Option<Vec<u8>> {
+        let (due, frame) = self[key].take_pending(client)?;
+        self.pending_bytes -= frame.len();
+        self.due.remove(&(due, key, client));
+        Some(frame)
     }
 
     /// Forgets to whom a client's messages went and what it was to get.

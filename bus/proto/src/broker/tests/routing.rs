@@ -53,6 +53,40 @@ fn a_throttled_registration_delivers_the_last_value_of_a_burst() {
     assert!(c.texts(b, 9.0).is_empty());
 }
 
+/// Regression: what waited for a long interval was forgotten with it.
+#[test]
+fn whoever_changes_its_interval_has_what_waited_for_the_old_one() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 1e6);
+    (0..3).for_each(|i| a.text(b, 1.0, "X", &i.to_string()));
+    assert_eq!(c.texts(b, 1.0), ["0"]);
+    c.register(b, 2.0, "X", "*", 0.5);
+    assert_eq!(c.texts(b, 2.0), ["2"]);
+    a.text(b, 2.1, "X", "3");
+    assert_eq!(c.texts(b, 2.1), Vec::<String>::new(), "its interval has begun");
+    c.register(b, 2.2, "X", "*", 0.0);
+    a.text(b, 2.2, "X", "4");
+    assert_eq!(c.texts(b, 2.2), ["3", "4"]);
+    c.register(b, 2.3, "X", "*", 0.0);
+    assert_eq!(c.texts(b, 9e9), Vec::<String>::new(), "nothing comes twice");
+}
+
+#[test]
+fn a_variable_that_somebody_waits_for_is_one_of_the_community_s() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 0.0);
+    c.register(b, 0.0, "Y*", "*", 0.0);
+    let found =
+        |b: &Broker| b.survey().filter(|one| one.key == "X").map(|one| one.latest.is_some()).collect::<Vec<_>>();
+    let read = |b: &Broker| b.reads_and_writes().find(|(name, ..)| *name == "c").unwrap().1.join(" ");
+    assert_eq!((found(b), read(b).as_str()), (vec![false], "X"));
+    a.text(b, 0.0, "X", "there");
+    assert_eq!((found(b), read(b).as_str()), (vec![true], "X"));
+    assert!(b.survey().all(|one| one.key != "Y*"), "a pattern is no variable");
+}
+
 #[test]
 fn a_write_of_the_wrong_type_is_answered_to_the_writer() {
     let b = &mut broker();
