@@ -62,7 +62,7 @@ def decide(place):
     points.append(centre(way[-1]))
     return {"Go": dict(points=points, target=voxel(target), unknown=list(map(voxel, sides)), looks=[looking(way[-1], u) for u in sides])}
 
-for said in map(json.loads, sys.stdin) if __name__ == "__main__" else ():  # who imports this has mail of its own
+for said in map(json.loads, sys.stdin):
     value = said.get("value")
     if "hello" in said:  # the volume to explore, and the robot's radius, as the mission says them
         told = lambda name, usual: [float(part.split()[0]) for part in said["hello"]["parameters"].get(name, usual).split(";")]
@@ -78,7 +78,7 @@ for said in map(json.loads, sys.stdin) if __name__ == "__main__" else ():  # who
         whole = whole or (parts >= total if total else value["since"] == 0)
     if request and whole and revision >= request["revision"]:
         if last and request["outcome"] != "Resolved": tried[last[0]].add(last[1])
-        plans, decision = plans + 1, decide(request["pose"]["translation"])
+        plans, began, decision = plans + 1, time.process_time(), decide(request["pose"]["translation"])
         motion = dict(name="own", scan_spacing_m=0.5, early_stop=True, look_at_target=True, clearance_m=radius)
-        say(publish="PLAN", value=dict(request=request["id"], revision=revision, decision=decision, motion=motion, cpu_secs=time.process_time()))
-        request = None
+        plan = dict(request=request["id"], revision=revision, decision=decision, motion=motion, cpu_secs=time.process_time() - began)
+        request = say(publish="PLAN", value=plan)  # None: it is answered

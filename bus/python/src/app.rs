@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 
 use crate::bytes::Shelf;
 use crate::carried::Known;
+use crate::clock::Followed;
 use crate::error::{Rejection, error};
 use crate::message::Message;
 use crate::outgoing::{Outgoing, Said};
@@ -141,12 +142,20 @@ impl Runner {
     fn dropped(&self) -> Option<u64> {
         self.outgoing.with_comms(|comms| comms.dropped())
     }
+
+    /// Messages heard, and the bytes of their values; messages said, and the bytes of theirs; messages that wait to be said.
+    fn counts(&self) -> (u64, u64, u64, u64, usize) {
+        let ((heard, heard_bytes), (said, said_bytes)) =
+            (self.outgoing.counts.heard.get(), self.outgoing.counts.said.get());
+        (heard, heard_bytes, said, said_bytes, self.outgoing.unsent())
+    }
 }
 
 impl Runner {
     fn serve(&self, handler: Py<PyAny>, period: Option<Duration>, waits: bool) -> Result<(), RunError> {
         let Some(mut client) = self.join(waits)? else { return Ok(()) };
-        let mut app = PyApp { runner: self, handler, period };
+        let clock = Followed::joined(client.comms.clock());
+        let mut app = PyApp { runner: self, handler, period, clock };
         run_app_on(&mut app, &mut client, &self.outgoing.stop)
     }
 
@@ -197,16 +206,18 @@ struct PyApp<'a> {
     runner: &'a Runner,
     handler: Py<PyAny>,
     period: Option<Duration>,
+    clock: Followed,
 }
 
 impl PyApp<'_> {
     /// Has Python do something, and say what it has to.
     fn call(
-        &self,
+        &mut self,
         comms: &mut Comms,
         callback: impl FnOnce() -> String,
         act: impl FnOnce(Python<'_>, &Bound<'_, PyAny>) -> PyResult<()>,
     ) -> Result<(), AppError> {
+        self.clock.follow(comms.clock());
         self.runner.outgoing.lend(comms, || {
             Python::attach(|py| {
                 act(py, self.handler.bind(py)).map_err(|exception| match exception.is_instance_of::<Rejection>(py) {
@@ -217,7 +228,7 @@ impl PyApp<'_> {
         })
     }
 
-    fn call_plain(&self, comms: &mut Comms, name: &'static str) -> Result<(), AppError> {
+    fn call_plain(&mut self, comms: &mut Comms, name: &'static str) -> Result<(), AppError> {
         self.call(comms, || name.to_owned(), |_, handler| handler.call_method0(name).map(drop))
     }
 }
@@ -229,6 +240,7 @@ impl App for PyApp<'_> {
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         self.runner.shelf.clear();
+        self.runner.outgoing.counts.heard.add(mail.value().byte_len());
         let message = Message::of_mail(mail, &self.runner.shelf);
         let callback = || format!("on_new_mail({})", mail.key());
         self.call(comms, callback, |_, handler| handler.call_method1("on_new_mail", (message,)).map(drop))

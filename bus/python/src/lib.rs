@@ -11,11 +11,13 @@
 //! | `encode` | dicts with numpy arrays as bytes |
 //! | `json` | Python's values as JSON, from which descriptions make bytes |
 //! | `log` | recorded runs |
+//! | `clock` | the time of the community that the process has joined |
 //! | `error` | what Python is told when something cannot be done |
 
 mod app;
 mod bytes;
 mod carried;
+mod clock;
 mod decode;
 mod encode;
 mod error;
@@ -35,5 +37,9 @@ fn _elk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<message::Message>()?;
     module.add_class::<bytes::View>()?;
     module.add_class::<log::LogReader>()?;
+    module.add_function(wrap_pyfunction!(clock::time, module)?)?;
+    module.add_function(wrap_pyfunction!(clock::local_time, module)?)?;
+    module.add_function(wrap_pyfunction!(clock::get_moos_timewarp, module)?)?;
+    module.add_function(wrap_pyfunction!(clock::set_moos_timewarp, module)?)?;
     module.add_function(wrap_pyfunction!(app::launched, module)?)
 }

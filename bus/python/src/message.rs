@@ -1,11 +1,14 @@
 //! A message as Python has it.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use elk_bus::{Mail, Type, ValueRef};
 use elk_log::RecordRef;
 use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::bytes::{Bytes, Shelf, Shelved, View};
 use crate::decode::decode;
@@ -22,6 +25,8 @@ pub struct Message {
     sequence: u64,
     is_latest: bool,
     value: Value,
+    /// Whoever has it calls its text bytes.
+    is_marked: AtomicBool,
 }
 
 enum Value {
@@ -57,6 +62,7 @@ impl Message {
             sequence: mail.sequence(),
             is_latest: mail.is_latest(),
             value: Value::of(mail.value(), hold),
+            is_marked: AtomicBool::new(false),
         }
     }
 
@@ -71,6 +77,16 @@ impl Message {
             sequence: record.sequence,
             is_latest: false,
             value: Value::of(record.value, |bytes| Bytes::Own(bytes.to_vec())),
+            is_marked: AtomicBool::new(false),
+        }
+    }
+
+    /// The value in a few words.
+    fn shown(&self) -> String {
+        match &self.value {
+            Value::Double(number) => number.to_string(),
+            Value::Text(text) => format!("{text:?}"),
+            Value::Binary(type_, bytes) => format!("{} ({} bytes)", type_.as_ref().name(), bytes.len()),
         }
     }
 
@@ -136,9 +152,21 @@ impl Message {
         matches!(self.value, Value::Text(_))
     }
 
-    /// Whether it is neither: bytes of a type.
+    /// Whether it is neither, but bytes of a type; or a text that was marked as bytes.
     fn is_binary(&self) -> bool {
-        matches!(self.value, Value::Binary(..))
+        matches!(self.value, Value::Binary(..)) || self.is_marked.load(Ordering::Relaxed)
+    }
+
+    /// Has a text count as bytes, too, as in pymoos: it is still the text that it is.
+    fn mark_as_binary(&self) -> PyResult<()> {
+        match self.value {
+            Value::Double(_) => Err(self.is_no("text", "value()")),
+            Value::Text(_) => {
+                self.is_marked.store(true, Ordering::Relaxed);
+                Ok(())
+            }
+            Value::Binary(..) => Ok(()),
+        }
     }
 
     /// The number.
@@ -157,18 +185,31 @@ impl Message {
         }
     }
 
-    /// The bytes, as a memoryview that cannot be written: of a bulk value where its publisher wrote it.
+    /// The bytes, as a memoryview that cannot be written: of a bulk value where its publisher wrote it, of a text its UTF-8.
     fn binary_data<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let Value::Binary(_, bytes) = &self.value else {
-            return Err(self.is_no("bytes", "value(), or to ask is_binary() first"));
+        let bytes = match &self.value {
+            Value::Double(_) => return Err(self.is_no("bytes", "value(), or to ask is_double() first")),
+            Value::Text(text) => PyBytes::new(py, text.as_bytes()).into_any(),
+            Value::Binary(_, bytes) => View::whole(bytes).into_array(py)?,
         };
-        let array = View::whole(bytes).into_array(py)?;
-        py.import("builtins")?.call_method1("memoryview", (array,))
+        py.import("builtins")?.call_method1("memoryview", (bytes,))
     }
 
-    /// How many bytes `binary_data()` has.
+    /// How many bytes a binary message has; 0 of all others.
     fn binary_data_size(&self) -> usize {
-        if let Value::Binary(_, bytes) = &self.value { bytes.len() } else { 0 }
+        match &self.value {
+            Value::Binary(_, bytes) => bytes.len(),
+            Value::Text(text) if self.is_binary() => text.len(),
+            _ => 0,
+        }
+    }
+
+    /// Prints it in a line.
+    fn trace(&self, py: Python<'_>) -> PyResult<()> {
+        let beside = if self.source_aux.is_empty() { String::new() } else { format!(" ({})", self.source_aux) };
+        let (key, value, source, community) = (&self.key, self.shown(), &self.source, &self.community);
+        let words = format!("{key}={value} from {source}{beside} of {community} at {:.3} s", self.time);
+        py.import("builtins")?.call_method1("print", (words,)).map(drop)
     }
 
     /// What it carries: `number`, `text`, or the name of a type.
@@ -199,12 +240,18 @@ impl Message {
         }
     }
 
-    fn __repr__(&self) -> String {
-        let value = match &self.value {
-            Value::Double(number) => number.to_string(),
-            Value::Text(text) => format!("{text:?}"),
-            Value::Binary(type_, bytes) => format!("{} ({} bytes)", type_.as_ref().name(), bytes.len()),
+    /// What pymoos' messages have and these have not: why.
+    fn __getattr__(&self, name: &str) -> PyResult<()> {
+        let why = match name {
+            "double_aux" => {
+                ": a value has no second number here, and pymoos cannot say one; right is a variable of its own"
+            }
+            _ => "",
         };
-        format!("<elk.Message {}={value} from {} at {:.3} s>", self.key, self.source, self.time)
+        Err(PyAttributeError::new_err(format!("'Message' object has no attribute '{name}'{why}")))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<elk.Message {}={} from {} at {:.3} s>", self.key, self.shown(), self.source, self.time)
     }
 }

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::ptr::NonNull;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -42,26 +42,36 @@ pub enum Said {
 }
 
 impl Said {
-    fn say(&self, comms: &mut Comms) -> Result<(), CommsError> {
+    fn say(&self, comms: &mut Comms, counts: &Counts) -> Result<(), CommsError> {
         match self {
             Said::Register(wanted) => comms.register(wanted.subscription()),
             Said::Unregister(wanted) => comms.unregister(wanted.subscription()),
             Said::Publish { variable, value, time, source_aux } => {
-                comms.publish_value(variable, value.as_ref(), Origin { time: *time, source_aux, source: None })
+                let value = value.as_ref();
+                comms.publish_value(variable, value, Origin { time: *time, source_aux, source: None })?;
+                counts.said.add(value.byte_len());
+                Ok(())
             }
         }
     }
 
+    fn value_len(&self) -> usize {
+        if let Said::Publish { value, .. } = self { value.as_ref().byte_len() } else { 0 }
+    }
+
+    fn is_message(&self) -> bool {
+        matches!(self, Said::Publish { .. })
+    }
+
     fn byte_len(&self) -> usize {
-        let value = if let Said::Publish { value, .. } = self { value.as_ref().byte_len() } else { 0 };
-        value + BESIDE_VALUE
+        self.value_len() + BESIDE_VALUE
     }
 
     /// What the bus would refuse later, when nobody could be told where it was said.
     fn check(&self) -> PyResult<()> {
-        let (names, value) = match self {
-            Said::Register(wanted) | Said::Unregister(wanted) => ([&wanted.keys, &wanted.from], 0),
-            Said::Publish { variable, value, source_aux, .. } => ([variable, source_aux], value.as_ref().byte_len()),
+        let names = match self {
+            Said::Register(wanted) | Said::Unregister(wanted) => [&wanted.keys, &wanted.from],
+            Said::Publish { variable, source_aux, .. } => [variable, source_aux],
         };
         if let Some(long) = names.into_iter().find(|name| name.len() > MAX_NAME) {
             let beginning: String = long.chars().take(40).collect();
@@ -70,6 +80,7 @@ impl Said {
                 long.len()
             )));
         }
+        let value = self.value_len();
         match value > MAX_VALUE_BYTES {
             true => Err(error(format_args!(
                 "a value of {value} bytes; at most {MAX_VALUE_BYTES} are allowed: publish it in parts"
@@ -77,6 +88,32 @@ impl Said {
             false => Ok(()),
         }
     }
+}
+
+/// Messages, and the bytes of their values.
+#[derive(Default)]
+pub struct Count {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+}
+
+impl Count {
+    /// One message more, whose value has so many bytes.
+    pub fn add(&self, bytes: usize) {
+        self.messages.fetch_add(1, Ordering::Relaxed);
+        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    pub fn get(&self) -> (u64, u64) {
+        (self.messages.load(Ordering::Relaxed), self.bytes.load(Ordering::Relaxed))
+    }
+}
+
+/// What a client has heard and said so far.
+#[derive(Default)]
+pub struct Counts {
+    pub heard: Count,
+    pub said: Count,
 }
 
 /// A pipe that wakes the client's thread; Python's signals write to it as well.
@@ -117,6 +154,7 @@ pub struct Outgoing {
     pub bell: std::sync::Arc<Bell>,
     /// The app is to leave.
     pub stop: AtomicBool,
+    pub counts: Counts,
 }
 
 #[derive(Default)]
@@ -144,7 +182,7 @@ impl Drop for Lent {
 impl Outgoing {
     pub fn new() -> io::Result<Self> {
         let (queue, room, bell) = (Mutex::default(), Condvar::new(), Bell::new()?.into());
-        Ok(Self { queue, room, bell, stop: AtomicBool::new(false) })
+        Ok(Self { queue, room, bell, stop: AtomicBool::new(false), counts: Counts::default() })
     }
 
     fn lock(&self) -> MutexGuard<'_, Queue> {
@@ -174,7 +212,7 @@ impl Outgoing {
     /// It is too long, the client is gone, or a signal came.
     pub fn say(&self, py: Python<'_>, said: Said) -> PyResult<()> {
         said.check()?;
-        if let Some(done) = py.detach(|| self.with_comms(|comms| said.say(comms))) {
+        if let Some(done) = py.detach(|| self.with_comms(|comms| said.say(comms, &self.counts))) {
             return done.map_err(error);
         }
         let mut said = Some(said);
@@ -217,7 +255,12 @@ impl Outgoing {
             std::mem::take(&mut queue.said)
         };
         self.room.notify_all();
-        said.iter().try_for_each(|said| said.say(comms))
+        said.iter().try_for_each(|said| said.say(comms, &self.counts))
+    }
+
+    /// Messages that wait for the client's thread.
+    pub fn unsent(&self) -> usize {
+        self.lock().said.iter().filter(|said| said.is_message()).count()
     }
 
     /// The client is gone: whoever says something is told why.

@@ -37,12 +37,16 @@ def eventually(question, what):
 class OnABus(unittest.TestCase):
     """A test with a broker of its own."""
 
+    #: What the broker is told besides.
+    BROKER = []
+
     def setUp(self):
         self.community = f"python-{os.getpid()}-{next(COUNT)}"
         self.start_broker()
 
     def start_broker(self):
-        self.broker = subprocess.Popen([ELK, "db", "--community", self.community], stdout=subprocess.DEVNULL)
+        command = [ELK, "db", "--community", self.community, *self.BROKER]
+        self.broker = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         self.addCleanup(self.end, self.broker)
 
     def end(self, process):

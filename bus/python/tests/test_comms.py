@@ -11,7 +11,7 @@ class Comms(OnABus):
         reader, writer = self.client("reader", ["A_*"]), self.client("writer")
         writer.notify("A_NUMBER", 1.5)
         writer.notify("A_COUNT", 7, 12.25)
-        writer.notify("A_TEXT", "grüß\ngott", source_aux="by hand")
+        writer.notify("A_TEXT", "grüß\ngott", aux_src="by hand")
         writer.notify_binary("A_BYTES", b"\0\1\xff")
         eventually(lambda: len(reader._waiting.messages.queue) == 4, "the mail")
         number, count, text, data = reader.fetch()
@@ -70,12 +70,14 @@ class Comms(OnABus):
         reader, writer, heard = self.client("reader"), self.client("writer"), []
         reader.register("N", lossless=True)
         reader.set_on_mail_callback(lambda: heard.extend(one.value() for one in reader.fetch()) or news())
+        writer.notify("N", -1)
+        eventually(lambda: heard == [-1.0], "the registration, which may take longer than all that follows")
         say = lambda start: [writer.notify("N", start + n) for n in range(2000)]
         threads = [threading.Thread(target=say, args=(10_000 * n,)) for n in range(4)]
         [thread.start() for thread in threads]
         [thread.join() for thread in threads]
-        eventually(lambda: len(heard) >= 8000, "what four threads said")
-        self.assertEqual(sorted(heard), [float(10_000 * n + i) for n in range(4) for i in range(2000)])
+        eventually(lambda: len(heard) >= 8001, "what four threads said")
+        self.assertEqual(sorted(heard), [-1.0, *(float(10_000 * n + i) for n in range(4) for i in range(2000))])
         self.assertEqual(reader.lost(), 0)
 
     def test_a_callback_s_exception_ends_the_client_and_who_uses_it_is_told(self):

@@ -1,6 +1,7 @@
 """`elk.Mission` and `elk.evaluate`: missions and suites from Python, and the example's row in a table."""
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -85,7 +86,9 @@ class Evaluate(Program):
         return suite
 
     def test_the_explorer_of_the_examples_has_its_row_in_the_table(self):
-        explorers = f'<Explorer type="ClosestFrontier"/><Explorer name="mine" pipe="{EXAMPLE}"/>'
+        # By itself: it needs no other file.
+        mine = shutil.copy(EXAMPLE, self.folder)
+        explorers = f'<Explorer type="ClosestFrontier"/><Explorer name="mine" pipe="{mine}"/>'
         rows = elk.evaluate(self.suite(explorers), self.folder / "results", jobs=1)
         self.assertEqual([row["strategy"] for row in rows], ["ClosestFrontier", "mine"] * 2)
         for row in rows:

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import atexit
-import queue
+import re
+import sys
 import threading
 import weakref
-from typing import Any, Callable, Dict, List, Optional
+from typing import TYPE_CHECKING, Any, Callable, List, NoReturn, Optional, Set, Tuple
 
 from ._client import Client
 from ._elk import Error, Message, Runner
+from ._queues import ActiveQueues, Waiting
 
-#: Messages that wait for `fetch`, or for an active queue, at most; then the oldest are lost, and counted.
-MOST_WAITING = 100_000
+#: What pymoos' `comms` has and this one has not: why, and what is right.
+NOT_HERE = {
+    "do_local_time_correction": "client and broker are on one machine and have one clock; leave the call out",
+    "set_comms_tick": "nothing ticks: a client sleeps until something is said; leave the call out",
+    "get_comms_control_timewarp_scale_factor": "nothing is gathered at high time warps; leave the call out",
+    "set_comms_control_timewarp_scale_factor": "nothing is gathered at high time warps; leave the call out",
+    "enable_comms_status_monitoring": "the broker always knows how its clients are; `elk info CLIENT` and `elk apps` show it",
+    "get_client_comms_status": "the broker knows how its clients are; `elk info CLIENT` shows it",
+    "get_client_comms_statuses": "the broker knows how its clients are; `elk apps` and `elk top` show it",
+}
 
 _running: "weakref.WeakSet[comms]" = weakref.WeakSet()
 
@@ -24,87 +34,81 @@ def _close_all() -> None:
         one.close(nice=False)
 
 
-class _Waiting:
-    """Messages that wait, the oldest given up when there are too many."""
-
-    def __init__(self) -> None:
-        self.messages: "queue.Queue[Optional[Message]]" = queue.Queue()
-        self.lost = 0
-
-    def put(self, message: Message) -> None:
-        if self.messages.qsize() >= MOST_WAITING and self.next() is not None:
-            self.lost += 1
-        self.messages.put(message)
-
-    def next(self) -> Optional[Message]:
-        """The oldest message; None: nothing waits."""
-        try:
-            return self.messages.get_nowait()
-        except queue.Empty:
-            return None
-
-    def take(self) -> List[Message]:
-        return list(iter(self.next, None))
-
-
 class comms(Client):
     """pymoos' `comms`, over shared memory.
 
     What a callback raises ends the client: its traceback is printed with the client's name, and whoever uses the client
-    afterwards is told."""
+    afterwards is told. What pymoos answers with False, or passes over with a warning, is an error with what would be right."""
+
+    _runner: Runner
 
     def __init__(self) -> None:
         self._thread: Optional[threading.Thread] = None
-        self._waiting = _Waiting()
-        self._queues: Dict[str, _Waiting] = {}
-        self._routes: Dict[str, str] = {}
-        self._workers: List[threading.Thread] = []
+        self._community, self._name = "", ""
+        self._waiting = Waiting()
+        self._queues = ActiveQueues(self._queue_failed)
         self._on_connect: Optional[Callable[[], Any]] = None
         self._on_mail: Optional[Callable[[], Any]] = None
         self._connected = threading.Event()
         self._failure: Optional[BaseException] = None
-        self._early: List[Callable[[Client], Any]] = []
+        self._registered: Set[Tuple[str, str]] = set()
+        self._published: Set[str] = set()
+        self._is_quiet, self._is_verbose = True, False
+
+    if not TYPE_CHECKING:  # to a type checker it has what it has
+
+        def __getattr__(self, name: str) -> NoReturn:
+            why = f": {NOT_HERE[name]}" if name in NOT_HERE else ""
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{why}")
 
     # What is said to pymoos before `run`.
 
-    def set_on_connect_callback(self, callback: Callable[[], Any]) -> None:
-        """Has `callback()` called, on the client's thread, when it has joined: register there. After a broker's death the
-        client joins the next one with all its registrations by itself."""
-        self._on_connect = callback
-
-    def set_on_mail_callback(self, callback: Callable[[], Any]) -> None:
-        """Has `callback()` called, on the client's thread, when there is something to `fetch`."""
-        self._on_mail = callback
-
-    def add_active_queue(self, name: str, callback: Callable[[Message], Any]) -> bool:
-        """A queue with a thread of its own, which calls `callback(message)` for each message that is routed to it."""
-        if name in self._queues:
-            raise Error(f"there is an active queue {name} already; right is another name")
-        waiting = self._queues[name] = _Waiting()
-        worker = threading.Thread(target=self._serve, args=(name, waiting, callback), name=name, daemon=True)
-        self._workers.append(worker)
-        worker.start()
+    def set_on_connect_callback(self, func: Callable[[], Any]) -> bool:
+        """Has `func()` called, on the client's thread, when it has joined: register there. After a broker's death the client
+        joins the next one with all its registrations by itself."""
+        self._on_connect = func
         return True
 
-    def remove_active_queue(self, name: str) -> bool:
-        """Ends a queue, once what it has is handled; its messages are for `fetch` again."""
-        waiting = self._queues.pop(name, None)
-        if waiting is None:
-            return False
-        self._routes = {variable: one for variable, one in self._routes.items() if one != name}
-        waiting.messages.put(None)
+    def set_on_mail_callback(self, func: Callable[[], Any]) -> bool:
+        """Has `func()` called, on the client's thread, when there is something to `fetch`."""
+        self._on_mail = func
         return True
 
-    def has_active_queue(self, name: str) -> bool:
+    def add_active_queue(self, queue_name: str, func: Callable[[Message], Any]) -> bool:
+        """A queue with a thread of its own, which calls `func(message)` for each message that is routed to it."""
+        self._queues.add(queue_name, func)
+        return True
+
+    def remove_active_queue(self, queue_name: str) -> bool:
+        """Ends a queue, once what it has is handled; its messages are for `fetch` again. Whether there was one."""
+        return self._queues.remove(queue_name)
+
+    def has_active_queue(self, queue_name: str) -> bool:
         """Whether there is such a queue."""
-        return name in self._queues
+        return self._queues.has(queue_name)
 
-    def add_message_route_to_active_queue(self, name: str, variable: str) -> bool:
-        """Messages of a variable go to this queue, and not to `fetch`."""
-        if name not in self._queues:
-            raise Error(f"there is no active queue {name}; add_active_queue makes one")
-        self._routes[variable] = name
+    def add_message_route_to_active_queue(self, queue_name: str, msg_name: str) -> bool:
+        """Messages of a variable go to this queue, and to the others that it is routed to, and not to `fetch`."""
+        self._queues.route(queue_name, msg_name)
         return True
+
+    def remove_message_route_to_active_queue(self, queue_name: str, msg_name: str) -> bool:
+        """Messages of a variable go to this queue no longer: once to no queue, for `fetch` again. Whether they went there."""
+        return self._queues.unroute(queue_name, msg_name)
+
+    def print_message_to_active_queue_routing(self) -> None:
+        """Prints which variables go to which active queues, one a line."""
+        for variable, names in self._queues.routes().items():
+            print(f"{variable} -> {', '.join(names)}")
+
+    def set_quiet(self, quiet: bool) -> None:
+        """With False, standard error says when the client looks for its broker, joins and leaves. (In pymoos it does unless it is
+        told to be quiet, here it does not.)"""
+        self._is_quiet = quiet
+
+    def set_verbose_debug(self, verbose: bool) -> None:
+        """With True, standard error says all that the client says and hears."""
+        self._is_verbose = verbose
 
     # The client's life.
 
@@ -116,6 +120,7 @@ class comms(Client):
         if not isinstance(name, str):
             raise Error(f"run({community!r}, {name!r}, …): right is run(community, name), as run('elk', 'my_client')")
         self._runner = Runner(name, community)
+        self._community, self._name = community, name
         self._thread = threading.Thread(target=self._live, name=name, daemon=True)
         _running.add(self)
         self._thread.start()
@@ -129,30 +134,29 @@ class comms(Client):
         """Whether it has joined."""
         return self._connected.is_set() and self.is_running()
 
-    def wait_until_connected(self, milliseconds: int) -> bool:
-        """Waits at most so long until it has joined and its on-connect callback is through; whether it has."""
+    def is_asynchronous(self) -> bool:
+        """Whether mail comes as soon as it is there: always."""
+        return True
+
+    def wait_until_connected(self, n_ms: int) -> bool:
+        """Waits at most so long (ms) until it has joined and its on-connect callback is through; whether it has."""
         if self._thread is None:
             raise Error("nothing is running; right is run(community, name) before")
-        self._connected.wait(milliseconds / 1000)
+        self._connected.wait(n_ms / 1000)
         self._check()
         return self.is_connected()
 
     def close(self, nice: bool = True) -> bool:
         """Leaves, and waits until the client's threads have ended; with `nice` for its queues' messages, too."""
-        thread, self_called = self._thread, threading.current_thread()
-        if thread is None:
+        if self._thread is None:
             return False
         self._runner.stop()
-        if thread is not self_called:
-            thread.join(15)
-        for name in list(self._queues):
-            if not nice:
-                self._queues[name].take()
-            self.remove_active_queue(name)
-        for worker in self._workers:
-            if worker is not self_called:
-                worker.join(5)
+        if self._thread is not threading.current_thread():
+            self._thread.join(15)
+        self._queues.close(nice, 5)
         return True
+
+    # What it has heard, and says.
 
     def fetch(self) -> List[Message]:
         """The messages that have come since the last call."""
@@ -163,17 +167,84 @@ class comms(Client):
 
     def lost(self) -> int:
         """Messages that were given up because nobody fetched them."""
-        return self._waiting.lost + sum(one.lost for one in list(self._queues.values()))
+        return self._waiting.lost + self._queues.lost()
 
-    def register(self, variables: str, *how: Any, rate: Optional[float] = None, lossless: bool = False) -> bool:
-        """Hears these variables. As in pymoos a number that follows is the least time between two messages of one (s), and
-        two patterns and a number are variables, sources and that time."""
-        sources = next((one for one in how if isinstance(one, str)), "*")
-        interval = next((one for one in how if not isinstance(one, str)), 0)
-        if interval:
-            rate = 1 / interval
+    def unregister(self, name: str, app_pattern: str = "*") -> bool:
+        """Takes a registration back: the one with these words."""
         self._check()
-        return super().register(variables, sources, rate=rate, lossless=lossless)
+        super().unregister(name, app_pattern)
+        self._registered.discard((name, app_pattern))
+        return True
+
+    def _register(self, variables: str, sources: str, rate: Optional[float], lossless: bool) -> None:
+        self._check()
+        super()._register(variables, sources, rate, lossless)
+        self._registered.add((variables, sources))
+        if self._is_verbose:
+            self._report(f"registers for {variables} of {sources}")
+
+    def _publish(self, name: str, value: Any, time: Optional[float], type: Optional[str], aux_src: str) -> None:
+        if self._thread is None:
+            self._check()
+        super()._publish(name, value, time, type, aux_src)
+        self._published.add(name)
+        if self._is_verbose:
+            self._report(f"says {name}={value!r}")
+
+    # What pymoos tells of itself.
+
+    def is_registered_for(self, name: str) -> bool:
+        """Whether it hears this variable, of whichever app: by its name or by a pattern."""
+        return any(_fits(pattern, name) for pattern, _ in list(self._registered))
+
+    def get_registered(self) -> Set[str]:
+        """The names and patterns that it has registered for."""
+        return {variables for variables, _ in list(self._registered)}
+
+    def get_published(self) -> Set[str]:
+        """The variables that it has said something of."""
+        return set(self._published)
+
+    def get_community_name(self) -> str:
+        """The community that it has joined; empty: none."""
+        return self._community if self.is_connected() else ""
+
+    def get_moos_name(self) -> str:
+        """The name that the broker knows it by; empty before `run`."""
+        return self._name
+
+    def get_description(self) -> str:
+        """Who it is, and where."""
+        return f"{self._name} in community {self._community}, over shared memory" if self._name else "not running"
+
+    def get_number_of_unread_messages(self) -> int:
+        """Messages that wait for `fetch`."""
+        return self._waiting.messages.qsize()
+
+    def get_number_of_unsent_messages(self) -> int:
+        """Messages that wait for the client's thread to be said."""
+        return self._counts()[4]
+
+    def get_number_message_read(self) -> int:
+        """Messages that have come so far."""
+        return self._counts()[0]
+
+    def get_number_bytes_read(self) -> int:
+        """Bytes of the values that have come so far: 8 of a number, UTF-8 of a text."""
+        return self._counts()[1]
+
+    def get_number_messages_sent(self) -> int:
+        """Messages that it has said so far."""
+        return self._counts()[2]
+
+    def get_number_bytes_sent(self) -> int:
+        """Bytes of the values that it has said so far: 8 of a number, UTF-8 of a text."""
+        return self._counts()[3]
+
+    def _counts(self) -> Tuple[int, int, int, int, int]:
+        return (0, 0, 0, 0, 0) if self._thread is None else self._runner.counts()
+
+    # How it lives.
 
     def _check(self) -> None:
         if self._thread is None:
@@ -182,6 +253,8 @@ class comms(Client):
             raise Error(f"{self._thread.name} has ended: {self._failure}") from self._failure
 
     def _live(self) -> None:
+        if not self._is_quiet:
+            self._report(f"looks for the broker of {self._community}")
         try:
             self._runner.run(self, waits=True)
         except BaseException as failure:
@@ -190,34 +263,42 @@ class comms(Client):
         finally:
             self._connected.set()
 
-    def _serve(self, name: str, waiting: _Waiting, callback: Callable[[Message], Any]) -> None:
-        while (message := waiting.messages.get()) is not None:
-            try:
-                callback(message)
-            except BaseException as failure:
-                self._failure = Error(f"active queue {name} raised {type(failure).__name__}: {failure}")
-                self._failure.__cause__ = failure
-                self._runner.stop()
-                raise
+    def _queue_failed(self, name: str, failure: BaseException) -> None:
+        self._failure = Error(f"active queue {name} raised {type(failure).__name__}: {failure}")
+        self._failure.__cause__ = failure
+        if self._thread is not None:
+            self._runner.stop()
+
+    def _report(self, words: str) -> None:
+        print(f"{self._name} {words}", file=sys.stderr)
 
     # What the framework calls.
 
     def on_start_up(self) -> None:
+        if not self._is_quiet:
+            self._report(f"has joined {self._community}")
         if self._on_connect is not None:
             self._on_connect()
         self._connected.set()
 
     def on_new_mail(self, message: Message) -> None:
-        waiting = self._queues.get(self._routes.get(message.key(), ""))
-        if waiting is not None:
-            waiting.put(message)
+        if self._is_verbose:
+            self._report(f"hears {message!r}")
+        if self._queues.put(message):
             return
         self._waiting.put(message)
         if self._on_mail is not None:
             self._on_mail()
 
     def on_stop(self) -> None:
-        pass
+        if not self._is_quiet:
+            self._report(f"leaves {self._community}")
 
     def on_refused(self, variable: str, reason: str) -> None:
         pass
+
+
+def _fits(pattern: str, name: str) -> bool:
+    """Whether a name is one of a pattern of the bus: `*` is any characters, `?` one."""
+    words = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+    return re.fullmatch(words, name, re.DOTALL) is not None

@@ -128,7 +128,7 @@ class Lines:
         self, variable: str, value: Any, time: Optional[float] = None, type_name: Optional[str] = None, source_aux: str = ""
     ) -> None:
         if time is not None or source_aux:
-            raise Error(f"{variable}: a line has no place for time and source_aux; right is exec in place of pipe")
+            raise Error(f"{variable}: a line has no place for time and aux_src; right is exec in place of pipe")
         self._say(publish=variable, value=value, **({} if type_name is None else {"type": type_name}))
 
     def describe(self, variable: str) -> Optional[str]:
