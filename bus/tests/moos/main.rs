@@ -2,9 +2,9 @@
 
 #[path = "../common/mod.rs"]
 mod common;
-mod death;
 mod conformance;
 mod conformance_table;
+mod death;
 mod handshake;
 mod hostile;
 mod mail;
