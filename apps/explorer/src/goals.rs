@@ -202,15 +202,17 @@ impl Goals {
 
     /// All goals, always in the same order for the same map.
     pub fn iter(&self) -> impl Iterator<Item = &Goal> {
-        self.iter_all().filter(|(_, is_first)| *is_first).map(|(goal, _)| goal)
+        let mut ranks: Vec<Rank> = self.at.values().map(|here| here.first).collect();
+        ranks.sort_unstable();
+        ranks.into_iter().filter_map(|rank| self.ranked(rank))
     }
 
-    /// All goals, those that share their voxel with one before them too, each with whether it is the one [`Goals::at`] has.
-    pub fn iter_all(&self) -> impl Iterator<Item = (&Goal, bool)> {
-        let ranks = |here: &Here| std::iter::once((here.first, true)).chain(others(here)).collect::<Vec<_>>();
-        let mut ranks: Vec<(Rank, bool)> = self.at.values().flat_map(ranks).collect();
-        ranks.sort_unstable();
-        ranks.into_iter().filter_map(|(rank, is_first)| Some((self.ranked(rank)?, is_first)))
+    /// What there are goals for, each once, in no order.
+    pub(crate) fn targets(&self) -> impl Iterator<Item = &Target> {
+        // Those from afar come target by target.
+        let far =
+            self.far.chunk_by(|one, other| one.target.voxel == other.target.voxel).filter_map(|goals| goals.first());
+        self.near.values().chain(far).map(|goal| &goal.target)
     }
 
     /// Whether there is none.
@@ -222,11 +224,6 @@ impl Goals {
     pub fn len(&self) -> usize {
         self.at.len()
     }
-}
-
-/// Those of a voxel's goals that are not its first.
-fn others(here: &Here) -> impl Iterator<Item = (Rank, bool)> + '_ {
-    here.others.iter().map(|rank| (*rank, false))
 }
 
 /// Of a goal near its target.

@@ -32,6 +32,19 @@ impl Sight {
         toward.dot(axis) >= self.cos_half_angle
     }
 
+    /// Whether a camera that looks along `axis` (unit vector) has in view and in range what is `toward` (m) from it; what is
+    /// where the camera is has no direction, and is in view.
+    #[inline]
+    pub fn has_in_view(&self, axis: &Vector3<f64>, toward: &Vector3<f64>) -> bool {
+        let (along, squared) = (toward.dot(axis), toward.norm_squared());
+        let edge = self.cos_half_angle * self.cos_half_angle * squared;
+        let is_covered = match self.cos_half_angle >= 0.0 {
+            true => along >= 0.0 && along * along >= edge,
+            false => along >= 0.0 || along * along <= edge,
+        };
+        is_covered && squared <= self.range_m * self.range_m
+    }
+
     /// Whether a camera that looks along `axis` (unit vector) may have in view and in range anything of a ball of `radius` (m)
     /// whose middle is `toward` (m) from it: it has if not.
     pub fn may_cover(&self, axis: &Vector3<f64>, toward: &Vector3<f64>, radius: f64) -> bool {

@@ -29,12 +29,12 @@ pub struct View<'a> {
     /// All that is to be resolved, for a strategy that [looks from afar](Strategy::looks_from_afar); else nothing. Of some there
     /// is a goal in [`View::goals`], of others not: those are seen from farther away, or from nowhere.
     pub open: &'a [Target],
-    /// Bricks in which the robot can get to other voxels than when the strategy was asked last, and perhaps others; `None`: it
-    /// was not asked yet.
+    /// Bricks in which other voxels are free than when the strategy was asked last, or the robot can get to others, and perhaps
+    /// more; `None`: it was not asked yet.
     pub changed: Option<&'a BTreeSet<Voxel>>,
     /// What the camera sees that looks there.
     pub sight: Sight,
-    /// The number of the plan, from 1, counted over swaps and deaths: who draws by lot draws anew in each.
+    /// The number of the plan, from 1, counted over swaps and deaths: who draws by lot may draw anew in each.
     pub plan: u64,
 }
 

@@ -1,4 +1,4 @@
-//! The shortest ways from where the robot is to all goals at once.
+//! The shortest ways from where the robot is: to all goals at once, or to those places that are asked for.
 
 use elk_geometry::Voxel;
 use elk_geometry::astar::{self, Reached};
@@ -28,6 +28,11 @@ impl<'a> View<'a> {
     pub fn way_by(&self, place: Voxel, goal: Voxel) -> Option<Route> {
         let way = astar::shortest(&self.space.reach, self.space.start(), place)?;
         Some(Route::to_look(self, &way, goal))
+    }
+
+    /// The lengths of the shortest ways to places, each searched for when it is asked.
+    pub fn lengths(&self) -> Lengths<'a> {
+        Lengths { view: *self, last: None, all: None, searches: 0 }
     }
 
     /// The way to the closest goal; `None`: there is a way to none.
@@ -69,5 +74,56 @@ impl Ways<'_> {
     /// The shortest way to `place`, from where the target of `goal` is seen; `None`: there is none.
     pub fn route_by(&self, place: Voxel, goal: &Goal) -> Option<Route> {
         Some(Route::to_look(&self.view, &self.reached.way_to(place)?, goal.voxel))
+    }
+}
+
+/// The lengths of the shortest ways to a few of many places.
+pub struct Lengths<'a> {
+    view: View<'a>,
+    /// The way to the place that was asked for last.
+    last: Option<(Voxel, Reached)>,
+    /// The ways to all places.
+    all: Option<Ways<'a>>,
+    searches: u64,
+}
+
+/// After so many searches for one way all are searched for at once.
+const SEARCHES: u64 = 12;
+
+impl Lengths<'_> {
+    /// The way to `place` is at least so long (m).
+    pub fn at_least_m(&self, place: Voxel) -> f64 {
+        let View { space, .. } = self.view;
+        astar::at_least(space.start(), place) * space.resolution()
+    }
+
+    /// Length of the shortest way to `place` (m), from centre to centre of the voxels; `None`: there is none.
+    pub fn to_m(&mut self, place: Voxel) -> Option<f64> {
+        if self.last.as_ref().is_none_or(|(of, _)| *of != place) && self.searches < SEARCHES {
+            let View { space, .. } = self.view;
+            self.searches += 1;
+            self.last = Some((place, astar::toward(&space.reach, space.start(), place)));
+        }
+        if let Some((_, reached)) = self.last.as_ref().filter(|(of, _)| *of == place) {
+            return Some(reached.cost(place)? * self.view.space.resolution());
+        }
+        let (all, view) = (&mut self.all, &self.view);
+        all.get_or_insert_with(|| view.ways()).length_to_m(place)
+    }
+
+    /// The shortest way to `place`, from where the target of `goal` is seen; `None`: there is none.
+    pub fn route_by(&self, place: Voxel, goal: &Goal) -> Option<Route> {
+        match (&self.last, &self.all) {
+            (Some((of, reached)), _) if *of == place => {
+                Some(Route::to_look(&self.view, &reached.way_to(place)?, goal.voxel))
+            }
+            (_, Some(all)) => all.route_by(place, goal),
+            _ => self.view.route_by(place, goal),
+        }
+    }
+
+    /// How many single ways were searched for.
+    pub fn searches(&self) -> u64 {
+        self.searches
     }
 }

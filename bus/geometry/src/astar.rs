@@ -15,7 +15,17 @@ use crate::voxel::Voxel;
 
 /// The shortest way from `from` to `to` over voxels of `passable`, both ends included.
 pub fn shortest(passable: &VoxelSet, from: Voxel, to: Voxel) -> Option<Vec<Voxel>> {
-    closest_of(passable, from, |voxel| voxel == to, || [[to; 2]])
+    toward(passable, from, to).way_to(to)
+}
+
+/// What a search for the shortest way from `from` to `to` gets to: the length of that way is known, and the way.
+pub fn toward(passable: &VoxelSet, from: Voxel, to: Voxel) -> Reached {
+    search(passable, from, |voxel| voxel == to, &Bound { boxes: vec![[to; 2]] }, usize::MAX).0
+}
+
+/// No way between two voxels is shorter than this (in voxels), whatever is passable.
+pub fn at_least(from: Voxel, to: Voxel) -> f64 {
+    (octile(aside([from; 2], [to; 2])) - ROUNDING).max(0.0)
 }
 
 /// The shortest way from `from` to the closest voxel that is a goal; of equals the first in raster order, and to it the way on
@@ -561,7 +571,12 @@ mod tests {
                 prop_assert_eq!(&way, &end.flatten().and_then(|end| bounded.way_to(end)));
             }
             if let Some(way) = way {
-                prop_assert_eq!(all(&passable, from).way_to(way[way.len() - 1]), Some(way));
+                let (to, all) = (way[way.len() - 1], all(&passable, from));
+                let single = toward(&passable, from, to);
+                prop_assert_eq!(single.cost(to), all.cost(to));
+                prop_assert!(at_least(from, to) <= all.cost(to).unwrap());
+                prop_assert_eq!(all.way_to(to), Some(way.clone()));
+                prop_assert_eq!(single.way_to(to), Some(way));
             }
         }
     }

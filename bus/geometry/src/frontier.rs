@@ -85,23 +85,15 @@ pub struct Faces(u8);
 impl Faces {
     /// All of them.
     pub const ALL: Self = Self(0b11_1111);
-    /// How many different sets of them there are.
-    pub const SETS: usize = 64;
-
-    /// All these sets, each at the place that is its number.
-    pub fn sets() -> [Self; Self::SETS] {
-        std::array::from_fn(|number| Self(number as u8))
-    }
-
-    /// The number of this set among all.
-    pub fn number(self) -> usize {
-        self.0.into()
-    }
-
     /// Those of `voxel` of which `which` is true, by their number in [`FACES`].
     pub fn of(voxel: Voxel, mut which: impl FnMut(usize, Voxel) -> bool) -> Self {
         let bit = |(n, face): (usize, &Voxel)| u8::from(which(n, voxel + *face)) << n;
         Self(FACES.iter().enumerate().map(bit).sum())
+    }
+
+    /// Of each of them the one on the other side.
+    pub fn opposite(self) -> Self {
+        Self((self.0 & 0b01_0101) << 1 | (self.0 & 0b10_1010) >> 1)
     }
 
     /// Whether there is none.

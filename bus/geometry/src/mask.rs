@@ -95,12 +95,6 @@ pub fn corners(brick: Voxel, cells: &Mask) -> Option<[Voxel; 2]> {
     Some([low, corner(63 - row.leading_zeros(), (63 - all.leading_zeros()) / 8, z[1])])
 }
 
-/// The cells of a set above each other in a column along z, as bits by z; `cell` is its lowest cell.
-#[inline]
-pub fn column(mask: &Mask, cell: usize) -> u8 {
-    (0..8).fold(0, |column, z| column | ((mask[z] >> cell & 1) as u8) << z)
-}
-
 /// The cells of a brick that share a face with any of a set.
 pub fn dilated(mask: &Mask) -> Mask {
     let beside = |word: u64| (word << 1 & !LEFT) | (word >> 1 & !RIGHT) | word << 8 | word >> 8;

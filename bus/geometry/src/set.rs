@@ -99,33 +99,6 @@ impl VoxelSet {
         self.bricks().flat_map(|(brick, cells)| mask::cells(cells).map(move |cell| voxel_at(brick, cell)))
     }
 
-    /// The voxels at these places, ascending from 0, among all in their order ([`Voxel`]'s own: by x, then y, then z): what
-    /// succinct data structures call select (Jacobson, *Space-efficient Static Trees and Graphs*, 1989). Nothing is put in order
-    /// but bricks. There is none at a place beyond the last.
-    pub fn select(&self, places: impl IntoIterator<Item = usize>) -> Vec<Voxel> {
-        let mut bricks: Vec<(Voxel, &Mask)> = self.bricks().filter(|(_, cells)| **cells != mask::NONE).collect();
-        bricks.sort_unstable_by_key(|(brick, _)| *brick);
-        let (mut places, mut selected, mut before) = (places.into_iter().peekable(), Vec::new(), 0);
-        for slab in bricks.chunk_by(|(one, _), (other, _)| one.x == other.x) {
-            for x in 0..8 {
-                for row in slab.chunk_by(|(one, _), (other, _)| one.y == other.y) {
-                    for cell in (0..8).map(|y| y << 3 | x) {
-                        for (brick, cells) in row {
-                            let column = mask::column(cells, cell);
-                            let after = before + column.count_ones() as usize;
-                            while let Some(place) = places.next_if(|place| *place < after) {
-                                let z = mask::bits(column.into()).nth(place - before);
-                                selected.extend(z.map(|z| voxel_at(*brick, z << 6 | cell)));
-                            }
-                            before = after;
-                        }
-                    }
-                }
-            }
-        }
-        selected
-    }
-
     /// Smallest and largest corner of the box around all of them, both in it; `None`: there is none.
     pub fn corners(&self) -> Option<[Voxel; 2]> {
         let corners = self.bricks().filter_map(|(brick, cells)| mask::corners(brick, cells));
@@ -184,6 +157,12 @@ impl Near<'_> {
         mask::has(self.brick(brick_of(voxel)), cell_of(voxel))
     }
 
+    /// Whether all voxels of a brick are in the set.
+    #[inline]
+    pub fn has_brick(&mut self, brick: Voxel) -> bool {
+        *self.brick(brick) == mask::ALL
+    }
+
     /// Whether any voxel of the box between two, both in it, is in the set.
     pub fn meets(&mut self, [min, max]: [Voxel; 2]) -> bool {
         let (low, high) = (brick_of(min), brick_of(max));
@@ -235,8 +214,6 @@ mod tests {
             let (min, max) = (Voxel::new(-9, -2, 3), Voxel::new(1, 7, 5));
             prop_assert_eq!(near.meets([min, max]), model.iter().any(|v| *v == v.sup(min).inf(max)));
             prop_assert!(set == model.iter().copied().collect());
-            prop_assert!(set.select(0..model.len() + 3).into_iter().eq(model.iter().copied()));
-            prop_assert!(set.select((0..model.len()).step_by(3)).into_iter().eq(model.iter().copied().step_by(3)));
         }
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use crate::ray::Traversal;
 use crate::set::{Near, VoxelSet};
 use crate::voxel::{FACES, Voxel};
-pub use centers::{entered, hidden};
+pub use centers::{Line, entered, line};
 use sweep::{Layers, Rays, axes, first_face};
 
 /// Whether a camera at `from` (m, world) can look into voxel `target` among voxels of `resolution` (m): every voxel before it,

@@ -261,8 +261,8 @@ pub fn strategies(solver: Solver, tolerance: Option<f64>, isovolumes: f64) -> Ve
         Box::new(ClosestFrontier),
         Box::new(potential),
         Box::new(Random { seed }),
-        Box::new(InformationGain { seed }),
-        Box::new(WeightedInformationGain { seed, lambda }),
+        Box::new(InformationGain::new(seed)),
+        Box::new(WeightedInformationGain::new(seed, lambda)),
         Box::new(Tour),
         Box::<RecedingHorizon>::default(),
     ]

@@ -138,7 +138,7 @@ fn potential(start: Start) -> Box<dyn Strategy> {
 }
 
 fn weighted() -> Box<dyn Strategy> {
-    Box::new(WeightedInformationGain { seed: 1, lambda: 0.2 })
+    Box::new(WeightedInformationGain::new(1, 0.2))
 }
 
 fn free_voxels_in_the_rooms() -> usize {
@@ -159,8 +159,8 @@ fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
         run(Box::new(Potential::new(Start::Shortest, Solver::Cascade, 1.0)), settings(Policy::elk(0.4))),
         run(Box::new(Random { seed: 1 }), settings(Policy::elk(0.4))),
         run(Box::new(Random { seed: 1 }), settings(Policy::thesis(0.4))),
-        run(Box::new(InformationGain { seed: 1 }), settings(Policy::elk(0.4))),
-        run(Box::new(InformationGain { seed: 1 }), settings(Policy::thesis(0.4))),
+        run(Box::new(InformationGain::new(1)), settings(Policy::elk(0.4))),
+        run(Box::new(InformationGain::new(1)), settings(Policy::thesis(0.4))),
         run(weighted(), settings(Policy::elk(0.4))),
         run(weighted(), settings(Policy::thesis(0.4))),
         run(Box::new(Tour), settings(Policy::elk(0.4))),
@@ -410,7 +410,7 @@ fn strategies_hand_over_to_each_other_what_they_tried() {
 #[test]
 fn who_keeps_nothing_goes_on_as_the_one_before_would_have() {
     let strategies: [fn() -> Box<dyn Strategy>; 4] =
-        [|| Box::new(Random { seed: 3 }), || Box::new(InformationGain { seed: 3 }), weighted, || Box::new(Tour)];
+        [|| Box::new(Random { seed: 3 }), || Box::new(InformationGain::new(3)), weighted, || Box::new(Tour)];
     for strategy in strategies {
         let new = || Explorer::new(strategy(), settings(Policy::elk(0.4)));
         let (alone, exchanged) = (relay(new(), |_| None), relay(new(), |_| Some(new())));

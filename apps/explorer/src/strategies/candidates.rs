@@ -1,96 +1,176 @@
 //! Poses drawn by lot where the robot can stand, and the one of them that is worth most for what its camera would see of the
 //! frontier (thesis 6.5.1.3).
 //!
-//! There are thousands of poses and thousands of frontier voxels. What a pose can see at most costs little to say, so the most
-//! promising is looked at first, and when no other promises as much as one has shown the rest is not looked at (lazy evaluation
-//! of greedy choices, Minoux, *Accelerated Greedy Algorithms for Maximizing Submodular Set Functions*, 1978). The choice is the
-//! one that is made by looking from all of them.
+//! There are thousands of poses and thousands of frontier voxels, and most of both are as they were in the last plan. So the lots
+//! are drawn once: whether a voxel has a pose, and where that looks, follows from a hash of its indices, and who has been
+//! there before need not draw again. What a pose has in view is counted on and off as the frontier changes, and what it sees
+//! is kept until something changes that it has in view ([`kept`]). No more can be seen than is in view, and no way is shorter than
+//! it would be if nothing were in it, so the most promising pose is looked at first, and when no other promises as much as
+//! one has shown the rest is not looked at (lazy evaluation of greedy choices, Minoux, *Accelerated Greedy Algorithms for Maximizing
+//! Submodular Set Functions*, 1978). The choice is the one that is made by looking from all of them.
 
-mod outlook;
+mod kept;
+mod lots;
+mod sightings;
 
 use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 use elk_geometry::Voxel;
-use elk_geometry::random::Random;
 use elk_mission::{Kind, ParamSpec};
-use nalgebra::Vector3;
 
 use crate::app::param;
+use crate::goals::Goal;
 use crate::strategy::View;
-use outlook::{Candidate, Outlook, Pose};
-
-/// One pose is drawn for so many voxels in which the robot can be: 5 % (thesis 6.5.1.3).
-const VOXELS_A_POSE: usize = 20;
+use kept::{Kept, Number};
+use lots::{Lots, Pose};
 
 /// What whoever draws by lot begins with.
-pub const SEED: ParamSpec = param(
-    "Seed",
-    Kind::Integer { min: 0, max: 1_000_000_000 },
-    "0",
-    "What is drawn by lot follows from it and from the number of the plan.",
-);
+pub const SEED: ParamSpec =
+    param("Seed", Kind::Integer { min: 0, max: 1_000_000_000 }, "0", "What is drawn by lot follows from it.");
 
-/// What a pose is worth, its gain times its weight; of equals the first that was drawn is better.
+/// As many times lots are drawn: other poses count where none of those drawn before sees anything.
+const DRAWS: u64 = 4;
+
+/// Poses drawn by lot under a seed, kept from plan to plan. A plan's choice follows from the seed and what the plan is made over,
+/// whatever was kept.
+#[derive(Debug, Clone)]
+pub struct Candidates {
+    seed: u64,
+    /// By draw, as far as they were asked for.
+    draws: Vec<Kept>,
+}
+
+/// A pose from which something of the frontier is seen.
 #[derive(Debug, Clone, Copy)]
-struct Worth {
+pub struct Candidate<'a> {
+    /// Where the camera is: in the middle of it.
+    pub place: Voxel,
+    /// Of the goals that are seen, the one nearest to the middle of the image.
+    pub goal: &'a Goal,
+}
+
+/// What a view from a place is worth as against one from here.
+pub trait Weight {
+    /// It is worth no more than this.
+    fn at_most(&self, place: Voxel) -> f64;
+
+    /// It is worth this; `None`: it is no place to go to.
+    fn of(&mut self, place: Voxel) -> Option<f64>;
+}
+
+/// What a pose is worth, its gain times its weight, as far as that is known.
+#[derive(Debug, Clone, Copy)]
+struct Promise {
+    /// At most.
     worth: f64,
-    drawn: usize,
+    pose: Pose,
+    number: Number,
+    known: Known,
 }
 
-impl Worth {
-    /// The better one first.
-    fn compare(&self, other: &Self) -> Ordering {
-        other.worth.total_cmp(&self.worth).then(self.drawn.cmp(&other.drawn))
-    }
+/// What is known of a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Known {
+    /// How many frontier voxels it sees at most.
+    Bound,
+    /// How many it sees.
+    Gain(u32),
+    /// And what those are worth.
+    Worth,
+}
 
-    fn is_better(&self, other: &Self) -> bool {
-        self.compare(other) == Ordering::Less
+/// What is better is greater: what promises more, of equals what is first by the order of its voxel.
+impl Ord for Promise {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.worth.total_cmp(&other.worth).then_with(|| other.pose.place.cmp(&self.pose.place))
     }
 }
 
-/// Of the poses drawn under `seed` that see any of the frontier the one whose gain times `weight` is largest, of equals the first;
-/// a place without a weight is none to go to.
-pub fn best<'a>(view: &View<'a>, seed: u64, weight: impl Fn(Voxel) -> Option<f64>) -> Option<Candidate<'a>> {
-    let outlook = Outlook::new(view);
-    let promise = |(drawn, pose): (usize, Pose)| {
-        let most = outlook.most(&pose);
-        let weight = weight(pose.place).filter(|_| most > 0)?;
-        Some((Worth { worth: most as f64 * weight, drawn }, weight, pose))
-    };
-    let mut promising: Vec<(Worth, f64, Pose)> = draw(view, seed).enumerate().filter_map(promise).collect();
-    promising.sort_unstable_by(|(one, ..), (other, ..)| one.compare(other));
-    let mut best: Option<(Worth, Candidate<'a>)> = None;
-    for (promise, weight, pose) in promising {
-        let is_best = |worth: Worth| best.is_none_or(|(shown, _)| worth.is_better(&shown));
-        if !is_best(promise) {
+impl PartialOrd for Promise {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Promise {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Promise {}
+
+impl Candidates {
+    /// Those drawn under `seed`.
+    pub fn new(seed: u64) -> Self {
+        Self { seed, draws: Vec::new() }
+    }
+
+    /// The seed.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Of the poses that see any of the frontier the one whose gain times weight is largest, of equals the first by the order of its
+    /// voxel. Where no pose sees anything others are drawn, [`DRAWS`] times in all. Adds to `looks` the poses that it looked from.
+    pub fn best<'a>(&mut self, view: &View<'a>, looks: &mut u64, weight: &mut impl Weight) -> Option<Candidate<'a>> {
+        self.draws.iter_mut().for_each(|kept| kept.follow(view));
+        (0..DRAWS).find_map(|draw| {
+            if self.draws.len() as u64 == draw {
+                let mut kept = Kept::new(Lots::new(self.seed, draw));
+                kept.follow(&View { changed: None, ..*view });
+                self.draws.push(kept);
+            }
+            best_of(self.draws.get_mut(draw as usize)?, view, looks, weight)
+        })
+    }
+}
+
+fn best_of<'a>(kept: &mut Kept, view: &View<'a>, looks: &mut u64, weight: &mut impl Weight) -> Option<Candidate<'a>> {
+    let promise = |pose: Pose, number: Number, known: Known, worth: f64| Promise { worth, pose, number, known };
+    let all = kept.all().filter_map(|(number, drawn)| {
+        let most = Some(drawn.seen.unwrap_or(drawn.in_view)).filter(|most| *most > 0)?;
+        let worth = f64::from(most) * weight.at_most(drawn.pose.place);
+        Some(promise(drawn.pose, number, drawn.seen.map_or(Known::Bound, Known::Gain), worth))
+    });
+    let mut promising: BinaryHeap<Promise> = all.collect::<Vec<_>>().into();
+    let mut found = None;
+    while let Some(Promise { pose, number, known, .. }) = promising.pop() {
+        match known {
+            Known::Bound => {
+                let gain = kept.look(view, number);
+                *looks += 1;
+                if gain > 0 {
+                    let most = f64::from(gain) * weight.at_most(pose.place);
+                    promising.push(promise(pose, number, Known::Gain(gain), most));
+                }
+            }
+            Known::Gain(gain) => {
+                let worth = weight.of(pose.place).map(|weight| f64::from(gain) * weight);
+                promising.extend(worth.map(|worth| promise(pose, number, Known::Worth, worth)));
+            }
+            Known::Worth => found = aim(view, &pose).map(|goal| Candidate { place: pose.place, goal }),
+        }
+        if found.is_some() {
             break;
         }
-        let worth = |gain: usize| Worth { worth: gain as f64 * weight, ..promise };
-        if let Some(candidate) = outlook.look(&pose, |gain| is_best(worth(gain))) {
-            best = Some((worth(candidate.gain), candidate));
-        }
     }
-    best.map(|(_, candidate)| candidate)
+    found
 }
 
-/// Poses drawn under `seed`, of every [`VOXELS_A_POSE`] voxels in which the robot can be one, in directions evenly over the
-/// sphere.
-fn draw(view: &View<'_>, seed: u64) -> impl Iterator<Item = Pose> {
-    let mut random = Random::new(seed, view.plan);
-    let count = view.space.reach.len();
-    let lots = (0..count).step_by(VOXELS_A_POSE).map(|first| {
-        let place = first + random.below(VOXELS_A_POSE.min(count - first));
-        (place, direction(random.unit(), random.unit()))
-    });
-    let (places, axes): (Vec<usize>, Vec<Vector3<f64>>) = lots.unzip();
-    view.space.reach.select(places).into_iter().zip(axes).map(|(place, axis)| Pose { place, axis })
-}
-
-/// A direction; evenly over the sphere if both numbers are evenly in [0, 1).
-fn direction(height: f64, turn: f64) -> Vector3<f64> {
-    let (z, angle) = (2.0 * height - 1.0, std::f64::consts::TAU * turn);
-    let radius = (1.0 - z * z).max(0.0).sqrt();
-    Vector3::new(radius * angle.cos(), radius * angle.sin(), z)
+/// Of the goals that a pose sees the one nearest to the middle of its image, the first of equals; none of those that share their
+/// voxel with one before them.
+fn aim<'a>(view: &View<'a>, pose: &Pose) -> Option<&'a Goal> {
+    let (from, resolution) = (view.space.center(pose.place), view.space.resolution());
+    let along = |goal: &Goal| {
+        let toward = (goal.target.voxel - pose.place).to_array().map(|c| f64::from(c) * resolution).into();
+        let is_in_view = view.sight.has_in_view(&pose.axis, &toward);
+        is_in_view.then(|| toward.dot(&pose.axis) / toward.norm().max(f64::MIN_POSITIVE))
+    };
+    let mut goals: Vec<(f64, &Goal)> = view.goals.iter().filter_map(|goal| Some((along(goal)?, goal))).collect();
+    goals.sort_by(|(one, _), (other, _)| other.total_cmp(one));
+    goals.into_iter().map(|(_, goal)| goal).find(|goal| goal.target.seen_from(view.space, from))
 }
 
 #[cfg(test)]

@@ -1,0 +1,71 @@
+//! The frontier voxels that poses look at, and from where each may be seen.
+
+use elk_geometry::Voxel;
+use elk_geometry::frontier::Faces;
+use elk_geometry::set::Near;
+use elk_geometry::visibility::{Line, entered, in_sight, line};
+
+use super::lots::Lots;
+use crate::strategy::View;
+use crate::target::{Target, is_untried};
+
+/// Of more frontier voxels than this so many are counted, an even sample: what a pose sees of them says to a few hundredths what it
+/// sees of all.
+pub const MOST: usize = 1024;
+
+/// A frontier voxel, and what there is to see beside it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sighting {
+    pub target: Voxel,
+    /// Voxels from which it was looked at in vain.
+    tried: Vec<Voxel>,
+    /// What is unknown beside it, each with its faces behind which something is free.
+    unknown: Vec<(Voxel, Faces)>,
+}
+
+/// Those of the frontier voxels that there are goals for, in order; of more than [`MOST`] a bottom-k sample (Cohen and Kaplan,
+/// *Summarizing Data using Bottom-k Sketches*, 2007): those whose lots are smallest, so that it changes by as much as they do.
+pub fn sample(view: &View<'_>, lots: Lots) -> Vec<Sighting> {
+    let mut targets: Vec<(u64, &Target)> =
+        view.goals.targets().map(|target| (lots.number(target.voxel), target)).collect();
+    let key = |(number, target): &(u64, &Target)| (*number, target.voxel);
+    if targets.len() > MOST {
+        targets.select_nth_unstable_by_key(MOST, key);
+        targets.truncate(MOST);
+    }
+    targets.sort_unstable_by_key(|(_, target)| target.voxel);
+    let mut free = view.space.free.near();
+    targets.into_iter().map(|(_, target)| Sighting::of(&mut free, target)).collect()
+}
+
+impl Sighting {
+    fn of(free: &mut Near<'_>, target: &Target) -> Self {
+        let mut open = |unknown: Voxel| Faces::of(unknown, |_, beside| free.contains(beside));
+        let unknown = target.unknown().map(|voxel| (voxel, open(voxel))).filter(|(_, open)| !open.is_empty());
+        Self { target: target.voxel, tried: target.tried.clone(), unknown: unknown.collect() }
+    }
+
+    /// Whether lines from the middle of any voxel of a box (corners, both in it) come to any of the unknown through a face behind
+    /// which something is free.
+    pub fn may_be_seen_from(&self, places: [Voxel; 2]) -> bool {
+        self.unknown.iter().any(|(unknown, open)| open.meets(entered(*unknown, places).opposite()))
+    }
+
+    /// The same for the middle of voxel `place`, if it was not looked at from there in vain.
+    pub fn may_be_seen(&self, place: Voxel) -> bool {
+        let mut unknown = self.unknown.iter();
+        unknown.any(|(unknown, open)| open.meets(entered(place, [*unknown; 2]))) && is_untried(&self.tried, place)
+    }
+
+    /// Whether a camera in the middle of voxel `place` sees any of the unknown, and was not there in vain: as
+    /// [`Target::seen_from`] says, which walks all lines to their ends.
+    pub fn is_seen(&self, resolution: f64, free: &mut Near<'_>, place: Voxel) -> bool {
+        let mut is_clear = |unknown: Voxel| match line(free, place, unknown) {
+            Line::Hidden => false,
+            Line::Clear => true,
+            Line::Unsure => in_sight(resolution, |voxel| free.contains(voxel), place.center(resolution), unknown),
+        };
+        let faces = |(unknown, open): &&(Voxel, Faces)| open.meets(entered(place, [*unknown; 2]));
+        is_untried(&self.tried, place) && self.unknown.iter().filter(faces).any(|(unknown, _)| is_clear(*unknown))
+    }
+}
