@@ -27,8 +27,11 @@ pub struct OdometryConfig {
     pub step: f64,
     /// … or when the points that were found lie in less than this share of the cells in which they lay then.
     pub cover: f64,
-    /// So many keyframes are adjusted together, and what none of them has seen is forgotten.
+    /// So many keyframes are adjusted together, and what none of them has seen is forgotten, but for the memory.
     pub window: usize,
+    /// So many keyframes before those are kept with what they saw, about 0.1 MB each, and taken up again where the cameras have their view again;
+    /// 0: none, as of an odometry that recognises nothing.
+    pub memory: usize,
     /// After so many lost pairs in a row the map begins anew where the cameras are supposed to be, with the first pair of which one can be made.
     pub patience: usize,
     /// Of the random numbers by which a consensus is looked for.
@@ -49,17 +52,30 @@ impl Default for OdometryConfig {
             step: 0.1,
             cover: 0.7,
             window: 10,
+            memory: 0,
             patience: 20,
             seed: 1,
         }
     }
 }
 
+/// The least side of a cell, pixels.
+const LEAST_CELL: usize = 8;
+/// Cells of an image for which the other settings were chosen: those of 752 × 480 pixels with a side of 32.
+const CELLS: f64 = 360.0;
+
 impl OdometryConfig {
+    /// The defaults with as many cells as they were chosen for, of images of so many columns and rows: small images have as many points then as
+    /// large ones.
+    pub fn for_images([width, height]: [usize; 2]) -> Self {
+        let side = (width as f64 * height as f64 / CELLS).sqrt().round() as usize;
+        Self { cell: side.max(LEAST_CELL), ..Self::default() }
+    }
+
     /// # Errors
     /// Numbers out of range.
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
-        range("cell", self.cell as f64, 8.0, 1000.0)?;
+        range("cell", self.cell as f64, LEAST_CELL as f64, 1000.0)?;
         range("texture", self.texture, 0.1, 16256.25)?;
         range("disparities", self.disparities as f64, 8.0, 16384.0)?;
         range("similarity", self.similarity, 0.1, 1.0)?;
@@ -70,6 +86,7 @@ impl OdometryConfig {
         range("step", self.step, 1e-3, 10.0)?;
         range("cover", self.cover, 0.0, 1.0)?;
         range("window", self.window as f64, 2.0, 100.0)?;
+        range("memory", self.memory as f64, 0.0, 1e6)?;
         range("patience", self.patience as f64, 1.0, 1e9)
     }
 }

@@ -68,15 +68,15 @@ pub enum Lost {
         /// How many are asked for.
         least: usize,
     },
-    /// Too few of the points that agree on a pose of the left camera were found by the right one.
+    /// Too few of the points that agree on a pose of the left camera, and that the right one should have in its image, were found there.
     #[error(
-        "{both} of {inliers} points that the left image shows are in the right one, less than {least}: is the right camera covered, or are the cameras swapped?"
+        "{both} of {of} points that the right image should show are in it, less than {least}: is the right camera covered, or are the cameras swapped?"
     )]
     OneSided {
         /// Points that both images show.
         both: usize,
-        /// Points that the left one shows.
-        inliers: usize,
+        /// Points that both should show.
+        of: usize,
         /// How many are asked for.
         least: usize,
     },

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix2, Point3};
 
 use crate::patch::{LEVELS, Patch};
 use crate::pyramid::{Pyramid, from_level, to_level};
-use crate::reprojection::{Observation, project};
+use crate::reprojection::{MARGIN, Observation, project};
 use crate::row;
 
 /// A point may be seen as much as 1 / 0.4 times as large as it was first; from nearer, what is kept of its look is too coarse.
@@ -20,6 +20,8 @@ pub(crate) struct Landmark {
     pub position: Point3<f64>,
     /// How often in a row it should have been seen, and was not where the others were.
     pub failures: usize,
+    /// The number of the keyframe that saw it first.
+    pub keyframe: u64,
     look: Patch,
     /// The pair in which it was first seen: where that was taken, at which column and row of the left image, and how far ahead, metres.
     first: Isometry3<f64>,
@@ -29,10 +31,17 @@ pub(crate) struct Landmark {
 
 impl Landmark {
     /// The point that a pair at a pose sees somewhere in both images; none where both see it in the same direction.
-    pub fn new(rig: &Rig, pose: &Isometry3<f64>, look: Patch, seen: Observation) -> Option<Self> {
+    pub fn new(rig: &Rig, pose: &Isometry3<f64>, look: Patch, seen: Observation, keyframe: u64) -> Option<Self> {
         let [column, row] = seen.left;
         let point = rig.point(row, column, column - seen.right?)?;
-        Some(Self { position: pose * point, failures: 0, look, first: *pose, at: seen.left, depth: point.z })
+        let (position, depth) = (pose * point, point.z);
+        Some(Self { position, failures: 0, keyframe, look, first: *pose, at: seen.left, depth })
+    }
+
+    /// Moves it, and from where it was first seen.
+    pub fn go(&mut self, by: &Isometry3<f64>) {
+        self.position = by * self.position;
+        self.first = by * self.first;
     }
 
     /// Steps in the image of a camera at a pose → steps in the one in which the point was first seen, as on a plane that faces that one.
@@ -81,6 +90,3 @@ impl Landmark {
         }))
     }
 }
-
-/// How far from the border points are looked for, pixels.
-const MARGIN: f64 = 6.0;

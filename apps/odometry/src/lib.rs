@@ -19,6 +19,7 @@ mod config;
 mod consensus;
 mod corners;
 pub mod estimate;
+mod keyframes;
 mod landmarks;
 mod least_squares;
 pub mod odometry;

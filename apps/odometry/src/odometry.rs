@@ -12,6 +12,7 @@ use crate::config::OdometryConfig;
 use crate::consensus::{Consensus, consensus};
 use crate::corners::Cells;
 use crate::estimate::{Estimate, Health, Lost};
+use crate::keyframes::{self, Keyframe};
 use crate::landmarks::Landmark;
 use crate::least_squares;
 use crate::patch::Patch;
@@ -71,17 +72,9 @@ pub enum PairError {
     },
 }
 
-/// A pair of which is kept where it was taken and what it saw.
-#[derive(Clone, Debug)]
-struct Keyframe {
-    pose: Isometry3<f64>,
-    small: Thumbnail,
-    /// Points of the map by their numbers, ascending.
-    seen: Vec<(u64, Observation)>,
-}
-
 /// Estimates the pose of a pair of cameras from its rectified images (thesis 2.2.3). It drifts as any odometry does: the map goes as far back as
-/// its window of keyframes, and nothing recognises a place.
+/// its window of keyframes. With a `memory` it goes farther: where the cameras come to a view that they had before, the keyframes of that time
+/// are taken up again, so that it drifts where it has not been, and knows places where it has.
 #[derive(Clone, Debug)]
 pub struct Odometry {
     config: OdometryConfig,
@@ -91,7 +84,17 @@ pub struct Odometry {
     landmarks: BTreeMap<u64, Landmark>,
     /// The number of the next point of the map.
     next: u64,
+    /// The window: keyframes that are adjusted together, the last one last.
     keyframes: VecDeque<Keyframe>,
+    /// How many of them, the first ones, stay where they are: those that were taken up again.
+    anchored: usize,
+    /// Points that the window has seen, ascending.
+    current: Vec<u64>,
+    /// Keyframes that have left the window, in the order in which they were taken.
+    past: VecDeque<Keyframe>,
+    /// The number of the next keyframe, and of the first one since the past was last taken up: those from there on have drifted together.
+    next_keyframe: u64,
+    drifting: u64,
     /// Cells in which there were points at the last keyframe.
     covered: usize,
     /// The last pose that was found.
@@ -122,6 +125,11 @@ struct Fix {
 }
 
 impl Fix {
+    /// Whether it can stand for another one.
+    fn is_as_good_as(&self, other: &Self) -> bool {
+        self.consensus.residuals.len() as f64 >= AS_GOOD * other.consensus.residuals.len() as f64
+    }
+
     /// Points that agree on it, by their numbers, and where they were found.
     fn seen(&self) -> Vec<(u64, Observation)> {
         let found = self.attempt.numbers.iter().zip(&self.attempt.matches).zip(&self.consensus.inliers);
@@ -152,6 +160,11 @@ impl Odometry {
             landmarks: BTreeMap::new(),
             next: 0,
             keyframes: VecDeque::new(),
+            anchored: 0,
+            current: Vec::new(),
+            past: VecDeque::new(),
+            next_keyframe: 0,
+            drifting: 0,
             covered: 0,
             pose: start.0,
             motion: Isometry3::identity(),
@@ -183,9 +196,16 @@ impl Odometry {
         if self.keyframes.is_empty() {
             return self.start(pair, small);
         }
-        match self.locate(pair, &small) {
-            Ok(fix) => Ok(Tracked::Found(Box::new(self.found(pair, small, &fix)))),
-            Err(lost) => self.lost(pair, small, lost),
+        let mut random = Random::new(self.config.seed, self.pairs);
+        match self.locate(pair, &small, &mut random) {
+            Ok(fix) => Ok(Tracked::Found(Box::new(self.found(pair, small, fix, &mut random)))),
+            Err(lost) => match self.recognise(pair, &small, &mut random) {
+                Some(fix) => {
+                    self.take_up(&fix.consensus.pose);
+                    Ok(Tracked::Found(Box::new(self.found(pair, small, fix, &mut random))))
+                }
+                None => self.lost(pair, small, lost),
+            },
         }
     }
 
@@ -201,7 +221,10 @@ impl Odometry {
             return Ok(Tracked::Lost(Lost::Featureless { points: matched, least }));
         }
         self.keyframes.clear();
+        self.past.clear();
         self.landmarks.clear();
+        self.anchored = 0;
+        self.drifting = self.next_keyframe;
         self.motion = Isometry3::identity();
         self.lost = 0;
         self.last = Some(small.clone());
@@ -235,27 +258,79 @@ impl Odometry {
         corners.into_iter().filter_map(matched).collect()
     }
 
-    /// The pose of a pair: near where the last motion and the image's turn lead, or else near the keyframe that looks most like it.
-    fn locate(&self, pair: [&Pyramid; 2], small: &Thumbnail) -> Result<Fix, Lost> {
-        let mut random = Random::new(self.config.seed, self.pairs);
-        let predicted = self.locate_near(&self.predict(small), pair, &mut random);
+    /// The pose of a pair in what the window saw: near where the last motion and the image's turn lead, or else near the keyframe that looks most
+    /// like it.
+    fn locate(&self, pair: [&Pyramid; 2], small: &Thumbnail, random: &mut Random) -> Result<Fix, Lost> {
+        let predicted = self.locate_near(&self.predict(small), pair, &self.current, random);
         let Err(lost) = predicted else { return predicted };
-        match self.most_alike(small) {
-            Some(guess) => self.locate_near(&guess, pair, &mut random).map_err(|_| lost),
+        match keyframes::most_alike(self.keyframes.iter(), &self.rig, small).first() {
+            Some(guess) => self.locate_near(guess, pair, &self.current, random).map_err(|_| lost),
             None => Err(lost),
         }
     }
 
-    /// Where the keyframe was taken that looks most like a pair, turned as the image is.
-    fn most_alike(&self, small: &Thumbnail) -> Option<Isometry3<f64>> {
-        let turned = self
-            .keyframes
-            .iter()
-            .filter_map(|keyframe| Some((turn::search(&self.rig, &keyframe.small, small)?, keyframe)));
-        let (turn, keyframe) = turned.min_by(|a, b| a.0.difference.total_cmp(&b.0.difference))?;
-        let turn = turn::turn(&self.rig, &keyframe.small, small, turn.second_from_first)?;
-        let rotation = keyframe.pose.rotation * turn.second_from_first.inverse();
-        Some(Isometry3::from_parts(keyframe.pose.translation, rotation))
+    /// The pose of a pair that shows nothing of what the window saw: near one of the keyframes of the past that look most like it.
+    fn recognise(&self, pair: [&Pyramid; 2], small: &Thumbnail, random: &mut Random) -> Option<Fix> {
+        let near = keyframes::nearest(&self.past, &self.pose.translation.vector, LOOKED_AT);
+        let guesses = keyframes::most_alike(near.into_iter(), &self.rig, small);
+        guesses.iter().take(TRIED).find_map(|guess| self.recall(guess, pair, random))
+    }
+
+    /// The pose of a pair in what those keyframes of the past saw whose views are like that from a guess.
+    fn recall(&self, guess: &Isometry3<f64>, pair: [&Pyramid; 2], random: &mut Random) -> Option<Fix> {
+        let places = keyframes::alike(&self.past, guess, [0, self.config.window - 1]);
+        let numbers = keyframes::seen(places.iter().map(|&place| &self.past[place]));
+        self.locate_near(guess, pair, &numbers, random).ok()
+    }
+
+    /// Moves what was seen since the past was last taken up, by so much in the end, and evenly less before: by what it has drifted meanwhile, as a
+    /// chain of poses that is closed (Shade, 2.2.4, of one loop).
+    fn undrift(&mut self, by: &Isometry3<f64>) {
+        let (first, count) = (self.drifting, (self.next_keyframe - self.drifting).max(1));
+        let share = |number: u64| (number + 1).saturating_sub(first) as f64 / count as f64;
+        let moved = |number| Isometry3::identity().try_lerp_slerp(by, share(number), 1e-9).unwrap_or(*by);
+        for keyframe in self.past.iter_mut().chain(&mut self.keyframes).filter(|keyframe| keyframe.number >= first) {
+            keyframe.pose = moved(keyframe.number) * keyframe.pose;
+            keyframe.pose.rotation.renormalize();
+        }
+        for landmark in self.landmarks.values_mut().filter(|landmark| landmark.keyframe >= first) {
+            landmark.go(&moved(landmark.keyframe));
+        }
+    }
+
+    /// The keyframes whose views are like that from a pose become the window.
+    fn take_up(&mut self, pose: &Isometry3<f64>) {
+        for keyframe in std::mem::take(&mut self.keyframes) {
+            self.keep(keyframe);
+        }
+        let places = keyframes::alike(&self.past, pose, [1, self.config.window - 1]);
+        self.keyframes = places.iter().map(|&place| self.past[place].clone()).collect();
+        let mut place = 0;
+        self.past.retain(|_| {
+            place += 1;
+            !places.contains(&(place - 1))
+        });
+        self.anchored = self.keyframes.len();
+        self.drifting = self.next_keyframe;
+        self.covered = self.keyframes.back().map_or(0, |last| self.cover(&last.seen));
+        self.forget();
+    }
+
+    /// A keyframe leaves the window.
+    fn keep(&mut self, keyframe: Keyframe) {
+        let place = self.past.partition_point(|other| other.number < keyframe.number);
+        self.past.insert(place, keyframe);
+    }
+
+    /// What neither the window nor the memory has seen is forgotten.
+    fn forget(&mut self) {
+        while self.past.len() > self.config.memory {
+            self.past.pop_front();
+        }
+        self.current = keyframes::seen(self.keyframes.iter());
+        let past = keyframes::seen(self.past.iter());
+        let is_seen = |number: &u64| self.current.binary_search(number).is_ok() || past.binary_search(number).is_ok();
+        self.landmarks.retain(|number, _| is_seen(number));
     }
 
     /// Where the cameras should be if they go on as they went, turned as the image is.
@@ -268,9 +343,16 @@ impl Odometry {
         Isometry3::from_parts(guess.translation, turned.unwrap_or(guess.rotation))
     }
 
-    fn locate_near(&self, guess: &Isometry3<f64>, pair: [&Pyramid; 2], random: &mut Random) -> Result<Fix, Lost> {
+    /// The pose near a guess at which a pair shows points of the map, by their numbers.
+    fn locate_near(
+        &self,
+        guess: &Isometry3<f64>,
+        pair: [&Pyramid; 2],
+        numbers: &[u64],
+        random: &mut Random,
+    ) -> Result<Fix, Lost> {
         let OdometryConfig { tolerance, inliers: least, share, deviation: limit, .. } = self.config;
-        let attempt = self.look(guess, pair);
+        let attempt = self.look(guess, pair, numbers);
         let matched = attempt.matches.len();
         let unseen = Lost::Unseen { matched, of: attempt.of, least };
         if matched < least {
@@ -281,8 +363,11 @@ impl Odometry {
         let agreeing =
             || attempt.matches.iter().zip(&consensus.inliers).filter_map(|(one, inlier)| inlier.then_some(one));
         let both = agreeing().filter(|one| one.seen.right.is_some()).count();
-        if both < least {
-            return Err(Lost::OneSided { both, inliers, least });
+        // What is near lies left of the right image.
+        let right = agreeing().filter(|one| one.is_in_right(&self.rig, &consensus.pose)).count();
+        let least_both = (share * right as f64).ceil() as usize;
+        if both < least_both.max(LEAST_BOTH) {
+            return Err(Lost::OneSided { both, of: right, least: least_both.max(LEAST_BOTH) });
         }
         let least = least.max((share * matched as f64).ceil() as usize);
         if inliers < least {
@@ -298,10 +383,11 @@ impl Odometry {
         }
     }
 
-    /// Looks for all points of the map from a guess.
-    fn look(&self, guess: &Isometry3<f64>, pair: [&Pyramid; 2]) -> Attempt {
+    /// Looks for points of the map from a guess.
+    fn look(&self, guess: &Isometry3<f64>, pair: [&Pyramid; 2], numbers: &[u64]) -> Attempt {
         let mut attempt = Attempt { of: 0, numbers: Vec::new(), matches: Vec::new(), missed: Vec::new() };
-        for (&number, landmark) in &self.landmarks {
+        for &number in numbers {
+            let Some(landmark) = self.landmarks.get(&number) else { continue };
             let Some(found) = landmark.look_for(&self.rig, guess, pair, self.config.similarity as f32) else {
                 continue;
             };
@@ -317,19 +403,30 @@ impl Odometry {
         attempt
     }
 
-    fn found(&mut self, pair: [&Pyramid; 2], small: Thumbnail, fix: &Fix) -> Estimate {
+    fn found(&mut self, pair: [&Pyramid; 2], small: Thumbnail, mut fix: Fix, random: &mut Random) -> Estimate {
         self.pairs += 1;
-        self.count_failures(fix);
+        self.count_failures(&fix);
         let before = std::mem::replace(&mut self.pose, fix.consensus.pose);
-        let seen = fix.seen();
-        let is_keyframe = self.wants_keyframe(&seen);
+        // After a loss nobody knows over how long a time the cameras came here.
+        self.motion = if self.lost == 0 { before.inverse() * self.pose } else { Isometry3::identity() };
+        let mut seen = fix.seen();
+        let mut is_keyframe = self.wants_keyframe(&seen);
+        if is_keyframe
+            && let Some(recalled) = self.recall(&self.pose, pair, random).filter(|past| past.is_as_good_as(&fix))
+        {
+            fix = recalled;
+            self.undrift(&(fix.consensus.pose * self.pose.inverse()));
+            self.pose = fix.consensus.pose;
+            self.take_up(&fix.consensus.pose);
+            self.count_failures(&fix);
+            seen = fix.seen();
+            is_keyframe = self.wants_keyframe(&seen);
+        }
         if is_keyframe {
             let at: Vec<[f64; 2]> = seen.iter().map(|(_, seen)| seen.left).collect();
             let points = self.new_points(pair, &at);
             self.add_keyframe(small.clone(), seen, points);
         }
-        // After a loss nobody knows over how long a time the cameras came here.
-        self.motion = if self.lost == 0 { before.inverse() * self.pose } else { Isometry3::identity() };
         self.lost = 0;
         self.last = Some(small);
         let health = Health {
@@ -355,15 +452,18 @@ impl Odometry {
 
     fn wants_keyframe(&self, seen: &[(u64, Observation)]) -> bool {
         let Some(last) = self.keyframes.back() else { return true };
+        let Some(depth) = self.depth(seen) else { return true };
         let covered = self.cover(seen);
-        let mut depths: Vec<f64> = seen
-            .iter()
-            .filter_map(|(number, _)| Some(self.pose.inverse_transform_point(&self.landmarks.get(number)?.position).z))
-            .collect();
-        depths.sort_unstable_by(f64::total_cmp);
-        let Some(depth) = depths.get(depths.len() / 2) else { return true };
         let way = (self.pose.translation.vector - last.pose.translation.vector).norm();
         way > self.config.step * depth || (covered as f64) < self.config.cover * self.covered as f64
+    }
+
+    /// The median distance ahead of what was seen, metres.
+    fn depth(&self, seen: &[(u64, Observation)]) -> Option<f64> {
+        let ahead = |number| Some(self.pose.inverse_transform_point(&self.landmarks.get(number)?.position).z);
+        let mut depths: Vec<f64> = seen.iter().filter_map(|(number, _)| ahead(number)).collect();
+        depths.sort_unstable_by(f64::total_cmp);
+        depths.get(depths.len() / 2).copied()
     }
 
     /// In how many cells points were seen.
@@ -374,20 +474,23 @@ impl Odometry {
     /// Adds a pair at the pose to the window, with new points, and adjusts all.
     fn add_keyframe(&mut self, small: Thumbnail, mut seen: Vec<(u64, Observation)>, points: Vec<(Patch, Observation)>) {
         for (look, observation) in points {
-            let Some(landmark) = Landmark::new(&self.rig, &self.pose, look, observation) else { continue };
+            let landmark = Landmark::new(&self.rig, &self.pose, look, observation, self.next_keyframe);
+            let Some(landmark) = landmark else { continue };
             self.landmarks.insert(self.next, landmark);
             seen.push((self.next, observation));
             self.next += 1;
         }
         self.covered = self.cover(&seen);
-        self.keyframes.push_back(Keyframe { pose: self.pose, small, seen });
-        if self.keyframes.len() > self.config.window {
-            self.keyframes.pop_front();
+        let depth = self.depth(&seen).unwrap_or(0.0);
+        self.keyframes.push_back(Keyframe { number: self.next_keyframe, pose: self.pose, small, depth, seen });
+        self.next_keyframe += 1;
+        if self.keyframes.len() > self.config.window
+            && let Some(first) = self.keyframes.pop_front()
+        {
+            self.anchored = self.anchored.saturating_sub(1);
+            self.keep(first);
         }
-        let mut is_seen: Vec<u64> =
-            self.keyframes.iter().flat_map(|keyframe| keyframe.seen.iter().map(|(number, _)| *number)).collect();
-        is_seen.sort_unstable();
-        self.landmarks.retain(|number, _| is_seen.binary_search(number).is_ok());
+        self.forget();
         self.adjust();
     }
 
@@ -398,26 +501,44 @@ impl Odometry {
             sights.extend(keyframe.seen.iter().map(|&(number, seen)| (number, pose, seen)));
         }
         sights.sort_by_key(|&(number, pose, _)| (number, pose));
-        let numbers: Vec<u64> = self.landmarks.keys().copied().collect();
+        let mut numbers = Vec::new();
+        let mut points = Vec::new();
+        for &number in &self.current {
+            let Some(landmark) = self.landmarks.get(&number) else { continue };
+            numbers.push(number);
+            points.push(landmark.position);
+        }
         let place = |(number, pose, seen): (u64, usize, Observation)| {
             Some(Sight { pose, point: numbers.binary_search(&number).ok()?, seen })
         };
         let mut bundle = Bundle {
             poses: self.keyframes.iter().map(|keyframe| keyframe.pose).collect(),
-            points: self.landmarks.values().map(|landmark| landmark.position).collect(),
+            points,
             sights: sights.into_iter().filter_map(place).collect(),
         };
-        bundle.adjust(&self.rig, FIXED, self.config.tolerance / 3.0);
+        bundle.adjust(&self.rig, self.anchored.max(FIXED), self.config.tolerance / 3.0);
         self.keyframes.iter_mut().zip(&bundle.poses).for_each(|(keyframe, pose)| keyframe.pose = *pose);
-        self.landmarks.values_mut().zip(&bundle.points).for_each(|(landmark, point)| landmark.position = *point);
+        for (number, point) in numbers.iter().zip(&bundle.points) {
+            if let Some(landmark) = self.landmarks.get_mut(number) {
+                landmark.position = *point;
+            }
+        }
         if let Some(pose) = bundle.poses.last() {
             self.pose = *pose;
         }
     }
 }
 
-/// Keyframes of the window that stay where they are.
+/// Keyframes of the window that stay where they are, at least.
 const FIXED: usize = 1;
+/// So many keyframes of the past, those nearest to where the cameras are supposed to be, are held against a pair that is lost …
+const LOOKED_AT: usize = 40;
+/// … and so many of those, which look most like it, are tried.
+const TRIED: usize = 3;
+/// The past is taken up again where it shows so large a share of the points that the window shows at least.
+const AS_GOOD: f64 = 0.5;
+/// So many points of a pose have to be seen by both cameras at the least, wherever they are.
+const LEAST_BOTH: usize = 4;
 /// Where a point is seen is not known better, pixels, however well a few fit.
 const LEAST_SIGMA: f64 = 0.05;
 /// A point that was not seen so often in a row where it should have been is none.

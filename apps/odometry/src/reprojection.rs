@@ -3,6 +3,9 @@
 use elk_stereo::Rig;
 use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
 
+/// How far from the border points are looked for, pixels.
+pub(crate) const MARGIN: f64 = 6.0;
+
 /// Where a point is seen in a pair of rectified images: the left image's column and row, and the right image's column, pixels. What is seen in
 /// the left one alone has none of the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +31,11 @@ impl Match {
     /// By how far a pose puts the point beside where it was seen: left column, row, right column, pixels.
     pub fn residual(&self, rig: &Rig, pose: &Isometry3<f64>) -> Option<Vector3<f64>> {
         Some(self.off(project(rig, pose, &self.point)?))
+    }
+
+    /// Whether the right camera of a pair at a pose has the point in its image, as far to the left as that goes.
+    pub fn is_in_right(&self, rig: &Rig, pose: &Isometry3<f64>) -> bool {
+        project(rig, pose, &self.point).is_some_and(|seen| seen.z >= MARGIN)
     }
 
     fn off(&self, predicted: Vector3<f64>) -> Vector3<f64> {

@@ -172,6 +172,42 @@ fn who_was_turned_away_is_found_where_it_was_before() {
     }
 }
 
+/// Once around on the spot, on which the first keyframes leave the window, and then the first view again.
+#[test]
+fn with_a_memory_what_was_seen_long_ago_is_taken_up_again() {
+    let cameras = Cameras::small();
+    let (turn, steps) = ([0.0, 0.12, 0.0], 53);
+    let around = |memory: usize| {
+        let mut odometry = odometry(&cameras, OdometryConfig { memory, window: 4, ..OdometryConfig::for_images(SIZE) });
+        let mut last = 0.0;
+        for step in 0..steps {
+            let truth = after(step, [0.0; 3], turn);
+            let [left, right] = cameras.view(&truth, step as u64);
+            if let Tracked::Found(estimate) = odometry.track(&left, &right).unwrap() {
+                last = off(&estimate.pose, &truth)[1];
+            }
+        }
+        // Nobody knows where it goes meanwhile.
+        let [dark, darker] = blank(SIZE);
+        assert!(matches!(odometry.track(&dark, &darker), Ok(Tracked::Lost(_))));
+        let half = after(steps / 2, [0.0; 3], turn);
+        let [left, right] = cameras.view(&half, 99);
+        (last, odometry.track(&left, &right).unwrap(), half)
+    };
+    let (drifted, lost, _) = around(0);
+    assert!(matches!(lost, Tracked::Lost(Lost::Unseen { .. })), "{lost:?}");
+    let (closed, again, half) = around(100);
+    assert!(closed < 0.5 * drifted, "{closed} rad off where it began, without a memory {drifted}");
+    let [metres, radians] = off(&found(again).pose, &half);
+    assert!(metres < 0.01 && radians < 0.01, "{metres} m, {radians}");
+}
+
+#[test]
+fn small_images_have_as_many_cells_as_large_ones() {
+    let cell = |size| OdometryConfig::for_images(size).cell;
+    assert_eq!([cell([752, 480]), cell([320, 240]), cell([64, 64])], [32, 15, 8]);
+}
+
 #[test]
 fn after_so_many_lost_pairs_the_map_begins_anew() {
     let cameras = Cameras::small();
@@ -323,6 +359,8 @@ fn what_cannot_be_set_up_is_said() {
     assert_eq!(said(set_up(SIZE, config, start())), "similarity of NaN: 0.1 to 1 would be right");
     assert!(said(set_up(SIZE, OdometryConfig { window: 1, ..good() }, start())).starts_with("window of 1"));
     assert!(said(set_up(SIZE, OdometryConfig { cell: 0, ..good() }, start())).starts_with("cell of 0"));
+    let config = OdometryConfig { memory: 10_000_000, ..good() };
+    assert!(said(set_up(SIZE, config, start())).starts_with("memory of 10000000"));
 }
 
 #[test]

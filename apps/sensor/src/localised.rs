@@ -1,5 +1,7 @@
 //! A robot that is told by an estimator alone where it is.
 
+use std::collections::VecDeque;
+
 use elk_bus::AppError;
 use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
@@ -26,6 +28,9 @@ impl LookSpacing {
 
 /// Looks on one straight part of a way, however near together they are to be.
 const MOST_LOOKS: f64 = 1000.0;
+
+/// Of the places where it knew where it was, it can go back to so many: the last ones.
+const MOST_BACK: usize = 256;
 
 /// How often a step at whose end it is lost is halved.
 const MOST_HALVINGS: u32 = 3;
@@ -55,6 +60,8 @@ pub struct Localised {
     truth: Pose,
     /// Where it is taken to be (world).
     believed: Pose,
+    /// Where it truly was when it knew where it was (world), the last place last.
+    been: VecDeque<Pose>,
     /// Looks so far.
     looks: u64,
     /// Why there are no scans any more: nobody knows where it is, or there are no images.
@@ -76,7 +83,8 @@ impl Localised {
     /// At its source's start, where it is known to be.
     pub fn new(source: Box<dyn DepthSource>, Estimating { estimator, spacing }: Estimating) -> Self {
         let start = source.start();
-        Self { source, estimator, spacing, truth: start, believed: start, looks: 0, lost: None }
+        let been = VecDeque::from([start]);
+        Self { source, estimator, spacing, truth: start, believed: start, been, looks: 0, lost: None }
     }
 
     /// What its camera can see.
@@ -112,7 +120,6 @@ impl Localised {
         if self.looks == 0 {
             self.look(arrival)?;
         }
-        let mut been = vec![self.truth];
         let mut ahead: Vec<(Pose, u32)> = self.poses(way, end).into_iter().rev().map(|pose| (pose, 0)).collect();
         while let Some((pose, halved)) = ahead.pop() {
             let mut there = self.truth.0 * self.believed.0.inverse() * pose.0;
@@ -128,13 +135,16 @@ impl Localised {
             }
             self.truth = there;
             if self.look(arrival)? {
-                been.push(there);
+                self.been.push_back(there);
+                if self.been.len() > MOST_BACK {
+                    self.been.pop_front();
+                }
                 continue;
             }
-            let places = been.len();
-            self.go_back(&mut been, arrival)?;
+            let places = self.been.len();
+            self.go_back(arrival)?;
             // From where it was last it tries smaller steps; a way from farther back was not looked at.
-            if been.len() < places || halved == MOST_HALVINGS {
+            if self.been.len() < places || halved == MOST_HALVINGS {
                 break;
             }
             ahead.extend([(pose, halved + 1), (halfway(&self.believed, &pose), halved + 1)]);
@@ -143,17 +153,19 @@ impl Localised {
     }
 
     /// The way that it came, until it knows where it is: at the last of the places where it has been.
-    fn go_back(&mut self, been: &mut Vec<Pose>, arrival: &mut Arrival) -> Result<(), AppError> {
-        while let Some(back) = been.pop() {
+    fn go_back(&mut self, arrival: &mut Arrival) -> Result<(), AppError> {
+        while let Some(back) = self.been.pop_back() {
             self.truth = back;
             if self.look(arrival)? {
-                been.push(back);
+                self.been.push_back(back);
                 return Ok(());
             }
         }
-        Err("the robot has gone back all the way to where it was sent from, and does not know where it is there, either: looks that \
-             are nearer together (LookWay, LookTurn), or more texture, would be right"
-            .into())
+        Err(format!(
+            "the robot has gone back the way that it came, up to {MOST_BACK} looks, and does not know where it is there, either: looks \
+             that are nearer together (LookWay, LookTurn), or more texture, would be right"
+        )
+        .into())
     }
 
     /// Where it looks on its way, all corners and the end included: one place at least, as it may have to look again.

@@ -184,12 +184,17 @@ fn one_that_is_lost_goes_back_and_takes_smaller_steps_and_one_that_stays_lost_sa
     );
     assert!(advance.passed_over[0].to_string().starts_with("look 5: lost, so that the robot goes back: it is dark"));
     assert!(lost.scan(0.0).is_ok(), "it scans where it is");
-    // At its start it knows where it is; then it is dark everywhere.
+    // Lost at the place that it was sent from as well, it goes farther back, by the way of the command before.
+    let mut twice = robot(1.36);
+    twice.go(&command(1, Pose::from_yaw_pitch(Point3::new(1.3, 2.0, 1.2), 0.0, 0.0)));
+    let (_, advance) = twice.go(&command(2, sent));
+    assert!((twice.pose().position().x - 1.35).abs() < 1e-9 && twice.scan(0.0).is_ok(), "{advance:?}");
+    // It is dark everywhere.
     let mut never = robot(0.0);
     never.go(&command(1, sent));
     let said = never.scan(0.0).unwrap_err().to_string();
     assert!(
-        said.contains("the robot has gone back all the way to where it was sent from, and does not know"),
+        said.contains("the robot has gone back the way that it came, up to 256 looks, and does not know"),
         "{said}"
     );
 }
