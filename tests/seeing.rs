@@ -8,6 +8,7 @@ use common::{Elk, said};
 use elk_map::{MapConfig, OccupancyMap, Saved};
 use elk_sensor::Pose;
 use elk_spatial::keys::{POSE_ESTIMATE, SCAN};
+use elk_spatial::pixels::PixelTally;
 use elk_world::surface::{SurfaceScore, surface_score};
 use elk_world::{Placement, World};
 
@@ -58,6 +59,16 @@ fn what_is_matched_is_the_same_every_time_and_when_it_is_replayed() {
         (1..pixels).contains(&(first.points.len() as u64 + first.no_return.len() as u64)),
         "something is not matched"
     );
+    // It says of each pixel what became of it, and hands that on; the summary counts them.
+    let tally = PixelTally::of(&first.pixel_runs);
+    assert_eq!((tally.total(), tally.matched), (pixels, (first.points.len() + first.no_return.len()) as u64));
+    assert!(tally.textureless > 0 && tally.out_of_range > 0 && tally.inconsistent > 0, "{tally:?}");
+    let mut log = elk_log::LogReader::open(Path::new(&old)).unwrap();
+    let filtered = log.by_ref().map(Result::unwrap).find(|record| record.key == "SCAN_1").unwrap();
+    assert_eq!(filtered.value.as_ref().decode(&SCAN).unwrap().pixel_runs, first.pixel_runs);
+    let counted = &common::summary_of(Path::new(&old))["pixels"];
+    let all: u64 = counted.as_object().unwrap().values().map(|count| count.as_u64().unwrap()).sum();
+    assert_eq!(all, scans.len() as u64 * pixels, "{counted}");
     let replay = ["replay", &old, "--rate", "max", "--keys", "SCAN*", "--only", "Map,Explorer", "--into", &old];
     let out = elk.command(&[&replay[..], &["--log-dir", "d"]].concat()).output().unwrap();
     assert!(out.status.success(), "{}", said(&out));

@@ -76,7 +76,7 @@ pub fn run(arguments: SensorArgs) -> Result<ExitCode> {
 }
 
 fn pair(images: [&Path; 2], calibration: &[PathBuf], params: &Params, output: &Path) -> Result<ExitCode> {
-    let mut matcher = matching::matcher(params).map_err(|error| anyhow!("Disparities: {error}"))?;
+    let mut matcher = matching::matcher(params).map_err(|error| anyhow!(error))?;
     let calibrated = read_calibration(calibration)?;
     let [left, right] = images.map(|path| {
         let bytes = file::read(path, LONGEST_IMAGE).with_context(|| format!("cannot read {}", path.display()))?;

@@ -12,8 +12,9 @@ use elk_spatial::keys::{
 };
 use elk_spatial::messages::{
     AccuracyReport, CoverageMark, ExplorationReport, FrontiersLeft, MapStatus, MotionReport, PoseCommand, Progress,
-    RayTally, SensorReport,
+    SensorReport,
 };
+use elk_spatial::rays::RayTally;
 use nalgebra::Point3;
 
 /// Answers pose commands, and evaluates maps; touches the world as often as it is told.

@@ -39,7 +39,7 @@ fn read(path: &Path) -> (Vec<LaserScan>, usize) {
 fn track(scans: &[LaserScan]) -> (Vec<Isometry2<f64>>, usize) {
     let resolution = Resolution::new(0.1, 3).unwrap();
     let icp = IcpConfig::default();
-    let config = TrackerConfig { resolution, icp, step: 0.3, turn: 0.3, window: 30, patience: 5 };
+    let config = TrackerConfig { resolution, icp, step: 0.3, turn: 0.3, window: 30, patience: Some(5) };
     let mut tracker = Tracker::new(config, Isometry2::identity()).unwrap();
     let mut last = scans[0].odometry;
     let mut lost = 0;

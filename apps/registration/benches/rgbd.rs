@@ -43,7 +43,7 @@ fn camera_pose(path: &Path) -> Isometry3<f64> {
 fn track(frames: &[Vec<Point3<f32>>], voxel: f64) -> (Vec<Isometry3<f64>>, usize) {
     let resolution = Resolution::new(voxel, 3).unwrap();
     let icp = IcpConfig::default();
-    let config = TrackerConfig { resolution, icp, step: 0.05, turn: 0.05, window: 100, patience: 10 };
+    let config = TrackerConfig { resolution, icp, step: 0.05, turn: 0.05, window: 100, patience: Some(10) };
     let mut tracker = Tracker::new(config, Isometry3::identity()).unwrap();
     let mut lost = 0;
     let mut pose = |points: &Vec<Point3<f32>>| {

@@ -22,8 +22,9 @@ pub struct TrackerConfig {
     pub turn: f64,
     /// What the last so many scans that were added have not seen is forgotten.
     pub window: u64,
-    /// After so many lost scans in a row the map begins anew where the sensor is supposed to be.
-    pub patience: u64,
+    /// After so many lost scans in a row the map begins anew where the sensor is supposed to be; `None`: never, all scans to come are looked for
+    /// in the map that there is.
+    pub patience: Option<u64>,
 }
 
 /// What became of a scan.
@@ -64,7 +65,7 @@ impl<P: Pose<D, N>, const D: usize, const N: usize> Tracker<P, D, N> {
         range("step", config.step, 0.0, 1000.0)?;
         range("turn", config.turn, 0.0, 4.0)?;
         range("window", config.window as f64, 1.0, 1e9)?;
-        range("patience", config.patience as f64, 1.0, 1e9)?;
+        config.patience.map_or(Ok(()), |patience| range("patience", patience as f64, 1.0, 1e9))?;
         start.check()?;
         let icp = Icp::new(config.icp.clone())?;
         let map = Map::new(config.resolution);
@@ -99,7 +100,7 @@ impl<P: Pose<D, N>, const D: usize, const N: usize> Tracker<P, D, N> {
                 self.pose = if motion.is_some() && guess.check().is_ok() { guess } else { self.pose };
                 self.motion = P::identity();
                 self.lost += 1;
-                if self.lost > self.config.patience {
+                if self.config.patience.is_some_and(|patience| self.lost > patience) {
                     self.map = Map::new(self.config.resolution);
                     return Ok(self.start(&cloud));
                 }

@@ -8,7 +8,7 @@ use scenes::Dice;
 
 fn config() -> TrackerConfig {
     let resolution = Resolution::new(0.1, 4).unwrap();
-    TrackerConfig { resolution, icp: IcpConfig::default(), step: 0.3, turn: 0.2, window: 30, patience: 10 }
+    TrackerConfig { resolution, icp: IcpConfig::default(), step: 0.3, turn: 0.2, window: 30, patience: Some(10) }
 }
 
 /// Along a circle of radius 1 m, looking ahead.
@@ -94,14 +94,12 @@ fn who_is_lost_says_so_and_finds_back() {
     assert_eq!(lost, [12, 13, 14, 15]);
 }
 
-#[test]
-fn who_stays_lost_begins_anew() {
+/// What becomes of scans of a room, and from the fifth on of another one, of which the odometry says nothing: S started, F found, L lost.
+fn of_another_room(patience: Option<u64>) -> String {
     let mut dice = Dice(4);
-    let config = TrackerConfig { patience: 2, ..config() };
-    let mut tracker = Tracker::new(config, circle(0)).unwrap();
+    let mut tracker = Tracker::new(TrackerConfig { patience, ..config() }, circle(0)).unwrap();
     let mut outcomes = String::new();
     for i in 0..10 {
-        // From the fifth scan on it is in another room, of which the odometry says nothing.
         let pose = if i < 5 { circle(i) } else { Isometry2::new(Vector2::new(0.9, 1.6), 2.3) };
         let room =
             if i < 5 { scenes::plan() } else { scenes::Room { walls: [[-0.2, -9.0], [1.4, 9.0]], blocks: vec![] } };
@@ -112,7 +110,15 @@ fn who_stays_lost_begins_anew() {
             Tracked::Lost(_) => 'L',
         });
     }
-    assert_eq!(outcomes, "SFFFFLLSFF");
+    outcomes
+}
+
+#[test]
+fn who_stays_lost_begins_anew_if_there_is_an_end_to_patience() {
+    assert_eq!(of_another_room(Some(2)), "SFFFFLLSFF");
+    assert_eq!(of_another_room(None), "SFFFFLLLLL");
+    let none = Tracker::<Isometry2<f64>, 2, 3>::new(TrackerConfig { patience: Some(0), ..config() }, circle(0));
+    assert_eq!(none.unwrap_err().to_string(), "patience of 0: 1 to 1000000000 would be right");
 }
 
 #[test]

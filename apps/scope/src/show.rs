@@ -198,11 +198,11 @@ mod tests {
         assert_eq!(
             value_for_people(value),
             "id: 1, command: 1, pose: {rotation: [0, 0, 0, 1], translation: [1, 2, 0.5]}, \
-             camera: {columns: 100, rows: 100, fov_x: 1.309, fov_y: 1.309, range_m: 5, inverse_depth_sigma: 0}, measured: 1, no_return: [[0, 0, 1]], points: [[0.1, -0.2, 3]]"
+             camera: {columns: 100, rows: 100, fov_x: 1.309, fov_y: 1.309, range_m: 5, inverse_depth_sigma: 0}, measured: 1, pixel_runs: [{outcome: 0, pixels: 2}, {outcome: 1, pixels: 9998}], no_return: [[0, 0, 1]], points: [[0.1, -0.2, 3]]"
         );
         assert_eq!(value_for_programs(value)["points"][0][1], -0.2);
         let many = json!({"id": 1, "command": 1, "pose": {"rotation": [0, 0, 0, 1], "translation": [0, 0, 0]},
-                          "camera": scan.value()["camera"], "measured": 7312, "no_return": [],
+                          "camera": scan.value()["camera"], "measured": 7312, "pixel_runs": [], "no_return": [],
                           "points": vec![[0.0, 0.0, 1.0]; 7312]});
         let bytes = scan.bytes_of(&many).unwrap();
         let value = ValueRef::Binary { type_: scan.type_, bytes: &bytes };

@@ -1,5 +1,6 @@
 //! How a pair of images is matched, as a mission file or a command says it.
 
+use elk_bus::AppError;
 use elk_mission::{Kind, ParamSpec, Params};
 use elk_stereo::{Checks, ConfigError, Matcher, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
 
@@ -34,8 +35,12 @@ pub const PARAMS: &[ParamSpec] = &[
 /// The matcher that the parameters say.
 ///
 /// # Errors
-/// Disparities that cannot be searched.
-pub fn matcher(params: &Params) -> Result<Box<dyn Matcher + Send>, ConfigError> {
+/// Disparities that cannot be searched: of what a matcher is made of, all else has its range in the table.
+pub fn matcher(params: &Params) -> Result<Box<dyn Matcher + Send>, AppError> {
+    made(params).map_err(|error| format!("Disparities: {error}").into())
+}
+
+fn made(params: &Params) -> Result<Box<dyn Matcher + Send>, ConfigError> {
     let asked = |checks: &Checks| Checks {
         levels: params.integer("Disparities") as usize,
         texture: checks.texture.max(BLANK * params.number("ImageNoise") as f32),

@@ -179,13 +179,13 @@ impl Robot {
     }
 
     fn capture(&mut self, capture: &Capture) -> Result<Scan<'static>, AppError> {
-        let (camera, Seen { points, no_return }) = match &mut self.carrier {
+        let (camera, Seen { points, no_return, pixel_runs }) = match &mut self.carrier {
             Carrier::Commanded(source) => (source.camera(), source.scan(capture)?),
             Carrier::Estimated(localised) => (localised.camera(), localised.scan()?),
             Carrier::Recorded(player) => (player.camera(), player.seen().cloned().unwrap_or_default()),
         };
         let scan = Scan::new(capture.scan, self.command, capture.pose, points);
-        let scan = Scan { camera, no_return, ..scan };
+        let scan = Scan { camera, no_return, pixel_runs, ..scan };
         scan.check()?;
         Ok(scan)
     }

@@ -8,6 +8,7 @@ use std::fmt;
 
 use elk_bus::AppError;
 use elk_geometry::{OccupancyGrid, Pose};
+use elk_spatial::pixels::PixelRun;
 use elk_spatial::{CameraInfo, Points};
 use elk_stereo::Image;
 use nalgebra::Point3;
@@ -72,6 +73,8 @@ pub struct Seen {
     /// Directions in the camera frame (unit vectors) in which there is nothing up to the camera's range. A pixel that measured
     /// nothing for any other reason is in neither list: of its ray nothing is known.
     pub no_return: Points<'static>,
+    /// What became of all pixels of a camera that matches images, row by row; empty: the source is none, or does not say.
+    pub pixel_runs: Vec<PixelRun>,
 }
 
 /// The true world, as a simulator knows it.

@@ -1,10 +1,13 @@
 //! What two simulated cameras see of rooms whose depth is known.
 
+use std::collections::BTreeMap;
+
 use elk_geometry::Pose;
 use elk_mission::Kind;
 use elk_sensor::simulated_stereo::{Eyes, Look, Settings, SimulatedStereo, TYPE};
 use elk_sensor::surroundings::Body;
 use elk_sensor::{Camera, Capture, DepthSource, Seen};
+use elk_spatial::pixels::{PixelOutcome, PixelTally};
 use elk_stereo::{Checks, Matcher, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
 use elk_world::World;
 use elk_world::scenery::{Scenery, Solid};
@@ -101,6 +104,68 @@ fn of_what_cannot_be_matched_nothing_is_known() {
     let one = Settings { look: Look { blank: 0.5, ..settings().look }, ..settings() };
     let (some, all) = (scan(one, sad5()).points.len(), scan(settings(), sad5()).points.len());
     assert!(some < all * 9 / 10, "half of the planes are blank: {some} of {all}");
+}
+
+/// Of each pixel, row by row, what became of it.
+fn outcomes(seen: &Seen) -> Vec<u8> {
+    seen.pixel_runs.iter().flat_map(|run| std::iter::repeat_n(run.outcome, run.pixels.into())).collect()
+}
+
+/// Of the walls, floor and ceiling of the room that a camera has much of in view, by axis and side, the share of pixels of this outcome.
+fn shares_by_plane(seen: &Seen, outcome: u8) -> BTreeMap<(usize, bool), f64> {
+    let (world, camera) = (room(), settings().eyes.camera);
+    let mut planes: BTreeMap<(usize, bool), (f64, f64)> = BTreeMap::new();
+    for ((u, v), said) in camera.pixels().zip(outcomes(seen)) {
+        let direction = pose().turn(camera.direction(u, v));
+        let place = pose().position() + direction * world.cast(pose().position(), direction).unwrap();
+        let sides = [5.0, 4.0, 2.5].into_iter().enumerate();
+        let plane = sides.filter_map(|(axis, far)| {
+            let at = [0.0, far].map(|side: f64| (place[axis] - side).abs() < 1e-6);
+            (at[0] || at[1]).then_some((axis, at[1]))
+        });
+        for plane in plane {
+            let (these, all) = planes.entry(plane).or_default();
+            (*these, *all) = (*these + f64::from(u8::from(said == outcome)), *all + 1.0);
+        }
+    }
+    planes.into_iter().filter(|(_, (_, all))| *all > 5000.0).map(|(plane, (these, all))| (plane, these / all)).collect()
+}
+
+/// A scan knows which pixels saw nothing because nothing could be matched: those of plain walls, and not of others.
+#[test]
+fn pixels_of_plain_walls_say_that_there_is_too_little_texture() {
+    const TEXTURELESS: u8 = PixelOutcome::Textureless as u8;
+    for matcher in [sad5, semi_global] {
+        let textured = scan(settings(), matcher());
+        assert_eq!(outcomes(&textured).len(), 320 * 240);
+        let matched = outcomes(&textured).iter().filter(|outcome| **outcome == PixelOutcome::Matched as u8).count();
+        assert_eq!(matched, textured.points.len(), "without a range all that is matched is a point");
+        let shares = shares_by_plane(&textured, TEXTURELESS);
+        // Of what is seen at a slant the texture is too fine for pixels.
+        assert!(shares.len() >= 3 && shares.values().all(|share| *share < 0.4), "{shares:?}");
+        let half = Settings { look: Look { blank: 0.5, ..settings().look }, ..settings() };
+        let shares = shares_by_plane(&scan(half, matcher()), TEXTURELESS);
+        let plain = shares.values().filter(|share| **share > 0.8).count();
+        let others = shares.values().filter(|share| **share < 0.4).count();
+        assert!(plain > 0 && others > 0 && plain + others == shares.len(), "{shares:?}");
+        let all = Settings { look: Look { blank: 1.0, ..settings().look }, ..settings() };
+        let shares = shares_by_plane(&scan(all, matcher()), TEXTURELESS);
+        assert!(shares.values().all(|share| *share > 0.8), "{shares:?}");
+    }
+}
+
+/// Behind the cupboard's edge the right camera does not see what the left one does, and on the left border neither.
+#[test]
+fn other_pixels_say_why_they_were_not_matched_as_well() {
+    let seen = scan(settings(), sad5());
+    let tally = PixelTally::of(&seen.pixel_runs);
+    assert_eq!(tally.total(), 320 * 240);
+    assert!(tally.out_of_range > 100 && tally.inconsistent > 100, "{tally:?}");
+    let [runs, rest] = [3 * seen.pixel_runs.len(), 12 * (seen.points.len() + seen.no_return.len())];
+    println!("{runs} bytes of pixel runs beside {rest} of points and directions; {tally}");
+    assert!(runs * 20 < rest, "{runs} {rest}");
+    let left: Vec<u8> = outcomes(&seen).chunks_exact(320).map(|row| row[0]).collect();
+    assert!(left.iter().all(|outcome| *outcome == PixelOutcome::OutOfRange as u8), "{left:?}");
 }
 
 #[test]

@@ -11,7 +11,9 @@ pub mod keyframe;
 pub mod keys;
 pub mod map;
 pub mod messages;
+pub mod pixels;
 pub mod playback;
+pub mod rays;
 pub mod record;
 pub mod replica;
 #[cfg(any(test, feature = "samples"))]

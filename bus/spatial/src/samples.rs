@@ -71,7 +71,7 @@ pub fn named(name: &str) -> Option<&'static Sample> {
 /// A value of each type.
 pub const SAMPLES: &[Sample] = &[
     Sample::of::<Scan<'static>>(
-        r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"camera":{"columns":100,"rows":100,"fov_x":1.309,"fov_y":1.309,"range_m":5.0,"inverse_depth_sigma":0.0},"measured":1,"no_return":[[0.0,0.0,1.0]],"points":[[0.1,-0.2,3.0]]}"#,
+        r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"camera":{"columns":100,"rows":100,"fov_x":1.309,"fov_y":1.309,"range_m":5.0,"inverse_depth_sigma":0.0},"measured":1,"pixel_runs":[{"outcome":0,"pixels":2},{"outcome":1,"pixels":9998}],"no_return":[[0.0,0.0,1.0]],"points":[[0.1,-0.2,3.0]]}"#,
     ),
     Sample::of::<MapUpdate>(
         r#"{"revision":1,"since":0,"scan":1,"resolution":0.1,"bricks":[{"brick":[0,0,-1],"cells":"?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#"}]}"#,
@@ -82,7 +82,7 @@ pub const SAMPLES: &[Sample] = &[
     Sample::of::<PoseCommand>(r#"{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}"#),
     Sample::of::<CameraPose>(r#"{"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}"#),
     Sample::of::<MapStatus>(
-        r#"{"revision":1,"free":8,"occupied":2,"frontier":3,"resolution":0.1,"cpu_secs":0.01,"full":false,"rays":{"no_return":1,"measured":9,"received":9,"invalid":0,"outside":0,"too_far":0,"no_room":0},"camera":{"columns":100,"rows":100,"fov_x":1.309,"fov_y":1.309,"range_m":5.0,"inverse_depth_sigma":0.0}}"#,
+        r#"{"revision":1,"free":8,"occupied":2,"frontier":3,"resolution":0.1,"cpu_secs":0.01,"full":false,"rays":{"no_return":1,"measured":9,"received":9,"invalid":0,"outside":0,"too_far":0,"no_room":0,"pixels":{"matched":9,"textureless":1,"out_of_range":0,"ambiguous":0,"inconsistent":0,"small_component":0}},"camera":{"columns":100,"rows":100,"fov_x":1.309,"fov_y":1.309,"range_m":5.0,"inverse_depth_sigma":0.0}}"#,
     ),
     Sample::of::<PlanRequest>(
         r#"{"id":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"revision":1,"outcome":"First"}"#,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::camera::CameraInfo;
 use crate::checks;
+use crate::pixels::{PixelRun, PixelTally};
 
 /// Bytes of a point on the wire: three little-endian f32.
 const POINT_BYTES: usize = 12;
@@ -121,6 +122,10 @@ pub struct Scan<'a> {
     pub camera: CameraInfo,
     /// Points that the sensor measured. Filters hand the number on, so that it can be told what they left out.
     pub measured: u64,
+    /// What became of each pixel, of a camera that matches images: which of them saw nothing because nothing could be matched, and
+    /// why. Filters hand it on. Empty: the sensor does not say.
+    #[describe(longest = checks::MAX_POINTS, default)]
+    pub pixel_runs: Vec<PixelRun>,
     /// Directions in the camera frame (unit vectors) in which the sensor saw that there is nothing up to its range. A pixel
     /// that measured nothing for any other reason is not among them: of its ray nothing is known.
     #[serde(borrow)]
@@ -136,13 +141,13 @@ impl<'a> Scan<'a> {
     /// The scan of a camera of which nothing is known, and which saw these points and nothing else.
     pub fn new(id: u64, command: u64, pose: Pose, points: Points<'a>) -> Self {
         let (camera, measured) = (CameraInfo::default(), points.len() as u64);
-        Self { id, command, pose, camera, measured, no_return: Points::default(), points }
+        Self { id, command, pose, camera, measured, pixel_runs: Vec::new(), no_return: Points::default(), points }
     }
 
     /// The same scan with other points: what a filter makes of it.
     pub fn with_points(&self, points: impl IntoIterator<Item = Point3<f32>>) -> Scan<'static> {
-        let no_return = self.no_return.clone().into_owned();
-        Scan { points: points.into_iter().collect(), no_return, ..*self }
+        let (no_return, pixel_runs) = (self.no_return.clone().into_owned(), self.pixel_runs.clone());
+        Scan { points: points.into_iter().collect(), no_return, pixel_runs, ..*self }
     }
 
     /// The same scan, owned.
@@ -162,9 +167,69 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// Its count of points is one.
+/// Its count of points is one, and what is said of pixels is of all that the camera has, or of none.
 fn check(scan: &Scan<'_>) -> checks::Checked {
     let measured = scan.points.len() as u64..=checks::MAX_POINTS as u64;
     let wanted = "at least the number of points, and below 2^22 + 1";
-    checks::holds("measured", measured.contains(&scan.measured), scan.measured, wanted)
+    checks::holds("measured", measured.contains(&scan.measured), scan.measured, wanted)?;
+    let (said, all) =
+        (PixelTally::of(&scan.pixel_runs).total(), u64::from(scan.camera.columns) * u64::from(scan.camera.rows));
+    let wanted = "as many pixels as the camera's columns times rows, or none";
+    checks::holds("pixel_runs", said == 0 || said == all, said, wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use elk_bus::describe::Description;
+    use serde_json::json;
+
+    use super::*;
+
+    /// As scans were recorded before they said what became of pixels.
+    mod old {
+        use super::*;
+
+        #[payload]
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Scan<'a> {
+            #[describe(count)]
+            pub id: u64,
+            #[describe(count)]
+            pub command: u64,
+            pub pose: Pose,
+            pub camera: CameraInfo,
+            pub measured: u64,
+            #[serde(borrow)]
+            pub no_return: Points<'a>,
+            #[serde(borrow)]
+            #[describe(unit = "m")]
+            pub points: Points<'a>,
+        }
+    }
+
+    #[test]
+    fn a_scan_of_an_older_log_says_nothing_of_pixels() {
+        let [old, new] = [&old::Scan::SHAPE, &Scan::SHAPE].map(Description::of);
+        let mut said = crate::samples::named("Scan").unwrap().value();
+        said.as_object_mut().unwrap().remove("pixel_runs");
+        let bytes = old.to_bytes(&said).unwrap();
+        let converted = old.conversion_to(&new).unwrap().convert(&bytes).unwrap();
+        let read = new.to_json(&converted, usize::MAX).unwrap();
+        assert_eq!((&read["pixel_runs"], &read["points"]), (&json!([]), &said["points"]));
+        assert_eq!(
+            new.conversion_to(&old).unwrap().convert(&converted).unwrap(),
+            bytes,
+            "and whoever is older reads it"
+        );
+    }
+
+    #[test]
+    fn what_is_made_of_a_scan_says_the_same_of_its_pixels() {
+        let scan = Scan::new(1, 1, Pose::from_yaw_pitch(Point3::origin(), 0.0, 0.0), Points::default());
+        let pixel_runs = vec![PixelRun { outcome: 1, pixels: 6 }];
+        let camera = CameraInfo { columns: 3, rows: 2, ..CameraInfo::default() };
+        let scan = Scan { camera, pixel_runs: pixel_runs.clone(), ..scan };
+        assert_eq!(scan.with_points([]).pixel_runs, pixel_runs);
+        assert_eq!(scan.into_owned().pixel_runs, pixel_runs);
+    }
 }

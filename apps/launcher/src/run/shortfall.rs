@@ -2,11 +2,12 @@
 
 use elk_geometry::voxel::reach_m;
 use elk_mission::AppSpec;
-use elk_spatial::messages::{MapStatus, RayTally};
+use elk_spatial::messages::MapStatus;
+use elk_spatial::rays::RayTally;
 
 /// Why the map holds nothing of what was to be seen, `filters` being between it and the sensor; none: it holds something.
 pub(crate) fn shortfall(filters: &[&AppSpec], map: &MapStatus) -> Option<String> {
-    let RayTally { no_return, measured, received, .. } = map.rays;
+    let RayTally { no_return, measured, received, pixels, .. } = map.rays;
     let known = map.free + map.occupied;
     if measured > 0 && received == 0 {
         return Some(filtered(filters, measured));
@@ -18,6 +19,11 @@ pub(crate) fn shortfall(filters: &[&AppSpec], map: &MapStatus) -> Option<String>
         return None;
     }
     Some(match no_return {
+        0 if pixels.total() > 0 => {
+            format!(
+                "nothing that the cameras saw could be matched ({pixels}): is there a texture, and light (Sensor.Texture, BlankShare, ImageNoise)?"
+            )
+        }
         0 => "no scan had a point in it".to_owned(),
         _ => format!(
             "the sensor saw nothing: all {no_return} rays of its scans went without a return; is its start inside the world, \
@@ -74,6 +80,7 @@ fn refused(map: &MapStatus) -> String {
 #[cfg(test)]
 mod tests {
     use elk_spatial::CameraInfo;
+    use elk_spatial::pixels::PixelTally;
 
     use super::*;
 
@@ -99,6 +106,12 @@ mod tests {
         assert_eq!(said(5, seen), "");
         assert_eq!(said(5, RayTally { outside: 8, ..seen }), "", "some of it is known");
         assert!(said(0, RayTally::default()).contains("no scan had a point"));
+        let blank = PixelTally { textureless: 9, ..PixelTally::default() };
+        let blank = said(0, RayTally { pixels: blank, ..RayTally::default() });
+        assert!(
+            blank.starts_with("nothing that the cameras saw could be matched (too little texture 100.0 %"),
+            "{blank}"
+        );
         assert!(said(0, RayTally { no_return: 7, ..RayTally::default() }).contains("all 7 rays"));
         assert_eq!(said(5, RayTally { no_return: 7, ..RayTally::default() }), "", "FreeNoReturn");
         assert!(

@@ -7,6 +7,7 @@ use std::path::Path;
 use elk_mission::{AppSpec, Mission, element};
 use elk_outside::file;
 use elk_spatial::messages::{CoverageMark, FrontiersLeft};
+use elk_spatial::pixels::PixelTally;
 use elk_spatial::playback::Playback;
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +70,8 @@ pub struct Summary {
     pub free_voxels: u64,
     /// Of these, occupied.
     pub occupied_voxels: u64,
+    /// What became of all scans' pixels, of a camera that matches images.
+    pub pixels: Option<PixelTally>,
     /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
     pub accuracy: Option<f64>,
     /// Motions on which the robot touched the true world; of a run that was stopped, as far as the sensor has said so.
@@ -116,6 +119,7 @@ impl Summary {
             known_voxels: free + occupied,
             free_voxels: free,
             occupied_voxels: occupied,
+            pixels: observed.map.as_ref().map(|map| map.rays.pixels).filter(|pixels| pixels.total() > 0),
             accuracy: observed.accuracy.as_ref().filter(|report| report.voxels > 0).map(|report| report.accuracy),
             contacts: observed.contacts(),
             seconds: observed.seconds(),
@@ -273,6 +277,10 @@ impl fmt::Display for Summary {
         }
         let Self { known_voxels: known, free_voxels: free, occupied_voxels: occupied, .. } = self;
         writeln!(f, "  {known} voxels known: {free} free, {occupied} occupied")?;
+        if let Some(pixels) = &self.pixels {
+            let share = 100.0 * pixels.matched as f64 / pixels.total() as f64;
+            writeln!(f, "  {share:.1} % of the scans' pixels matched, the others not: {pixels}")?;
+        }
         if let Some(left) = &self.frontiers_left {
             writeln!(
                 f,

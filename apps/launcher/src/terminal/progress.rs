@@ -209,7 +209,8 @@ impl ScanRate {
 #[cfg(test)]
 mod tests {
     use elk_spatial::CameraInfo;
-    use elk_spatial::messages::{MapStatus, Progress, RayTally};
+    use elk_spatial::messages::{MapStatus, Progress};
+    use elk_spatial::rays::RayTally;
 
     use super::*;
 

@@ -17,7 +17,7 @@ use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::keys::{MAP, MAP_PART, MAP_REQUEST, MAP_UPDATE, SCAN};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::scan::Points;
-use elk_spatial::{CameraInfo, Replica, Scan};
+use elk_spatial::{Replica, Scan};
 use nalgebra::{Point3, Vector3};
 
 #[path = "../../tests/scans/mod.rs"]
@@ -58,8 +58,7 @@ fn scans_behind(rooms: usize) -> impl Iterator<Item = Scan<'static>> {
     });
     parts.zip(1..).map(|((origin, points), id)| {
         let pose = Pose::looking(origin, Vector3::x());
-        let measured = points.len() as u64;
-        Scan { id, command: id, pose, camera: CameraInfo::default(), measured, no_return: Points::default(), points }
+        Scan::new(id, id, pose, points)
     })
 }
 

@@ -16,7 +16,8 @@ use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
-use elk_spatial::messages::{MapMemory, MapStatus, RayTally};
+use elk_spatial::messages::{MapMemory, MapStatus};
+use elk_spatial::rays::RayTally;
 use elk_spatial::{CameraInfo, Scan};
 use nalgebra::Vector3;
 
@@ -499,6 +500,7 @@ impl MapApp {
         for (sum, more) in counts {
             *sum = (*sum + more as u64).min(MAX_COUNT);
         }
+        rays.pixels.add(&scan.pixel_runs);
     }
 
     fn status(&self) -> MapStatus {

@@ -7,9 +7,6 @@ use nalgebra::{Isometry2, Isometry3, Point2, Point3, Vector2};
 use super::estimate::{AGREED, Located, PoseEstimator};
 use crate::frame::Frame;
 
-/// So many lost frames in a row are never: a map that begins anew is somewhere that nobody knows.
-const NEVER: u64 = 1_000_000_000;
-
 /// How scans are matched (see [`TrackerConfig`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IcpSettings {
@@ -102,7 +99,9 @@ impl<P: Rigid<D, N>, const D: usize, const N: usize> Matching<P, D, N> {
     fn new(settings: &IcpSettings) -> Result<Self, TrackerError> {
         let IcpSettings { voxel, step, turn, window } = *settings;
         let resolution = Resolution::new(voxel, 3)?;
-        let config = TrackerConfig { resolution, icp: IcpConfig::default(), step, turn, window, patience: NEVER };
+        // A map that begins anew is somewhere that nobody knows.
+        let patience = None;
+        let config = TrackerConfig { resolution, icp: IcpConfig::default(), step, turn, window, patience };
         // What is wrong with settings is said before there is a frame.
         Tracker::new(config.clone(), P::identity())?;
         Ok(Self { config, tracker: None })

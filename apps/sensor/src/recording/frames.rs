@@ -2,6 +2,7 @@
 
 use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
+use elk_spatial::pixels::PixelRun;
 use nalgebra::Isometry3;
 
 use crate::frame::{BadFrame, Frame};
@@ -19,6 +20,11 @@ pub trait Recording: Send {
     /// # Errors
     /// It cannot be used; the one after it perhaps can.
     fn next(&mut self) -> Option<Result<Frame, BadFrame>>;
+
+    /// What became of all pixels of the frame that was taken last, row by row, of a camera that matches images; empty: it is none.
+    fn pixel_runs(&self) -> Vec<PixelRun> {
+        Vec::new()
+    }
 
     /// Where the sensor was at the beginning (world), if that is recorded.
     fn start(&self) -> Pose {

@@ -192,7 +192,7 @@ impl Player {
         }
         let points = frame.points.iter().copied().collect();
         let no_return = frame.no_return.iter().copied().collect();
-        self.last = Some((pose, Seen { points, no_return }));
+        self.last = Some((pose, Seen { points, no_return, pixel_runs: self.recording.pixel_runs() }));
         self.scans += 1;
     }
 }

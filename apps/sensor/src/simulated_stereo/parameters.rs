@@ -78,7 +78,7 @@ pub(super) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
 /// What matches its images, if they can be matched.
 fn checked_matcher(params: &Params) -> Result<Box<dyn Matcher + Send>, AppError> {
     check_pixels(params)?;
-    let matcher = matcher(params).map_err(|error| format!("Disparities: {error}"))?;
+    let matcher = matcher(params)?;
     let (width, levels) = (params.integer("Width"), params.integer("Disparities"));
     match width > levels {
         true => Ok(matcher),

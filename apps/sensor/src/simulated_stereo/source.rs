@@ -8,7 +8,7 @@ use elk_stereo::{Image, ImageError, MatchError, Matcher, Rig, RigError};
 use super::eyes::Eyes;
 use super::texture::{Look, Texture};
 use crate::source::{Capture, DepthSource, Seen, Truth};
-use crate::stereo_pair::seen;
+use crate::stereo_pair::{pixel_runs, seen};
 use crate::surroundings::Body;
 
 /// What a simulated stereo camera is, beside its matcher.
@@ -67,7 +67,8 @@ impl SimulatedStereo {
     pub fn matched(&mut self, [left, right]: &[Image; 2]) -> Result<Seen, MatchError> {
         let disparity = self.matcher.disparity(left, right)?;
         let (points, no_return) = seen(&self.rig, &disparity, self.settings.range);
-        Ok(Seen { points: points.into_iter().collect(), no_return: no_return.into_iter().collect() })
+        let no_return = no_return.into_iter().collect();
+        Ok(Seen { points: points.into_iter().collect(), no_return, pixel_runs: pixel_runs(&disparity) })
     }
 }
 

@@ -80,7 +80,8 @@ impl DepthSource for Simulator {
                 None => no_return.push(Point3::from(camera.direction(u, v).normalize()).cast()),
             }
         }
-        Ok(Seen { points: points.into_iter().collect(), no_return: no_return.into_iter().collect() })
+        let no_return = no_return.into_iter().collect();
+        Ok(Seen { points: points.into_iter().collect(), no_return, ..Seen::default() })
     }
 
     fn truth(&self) -> Option<&dyn Truth> {

@@ -57,8 +57,7 @@ fn player(params: &Params) -> Result<Player, AppError> {
         disparity_sigma: params.number("DisparitySigma"),
         frame_rate: params.number("FrameRate"),
     };
-    let matcher = matcher(params).map_err(|error| format!("Disparities: {error}"))?;
-    let recording = Stereo::open(params.text("Recording").as_ref(), settings, matcher)?;
+    let recording = Stereo::open(params.text("Recording").as_ref(), settings, matcher(params)?)?;
     let estimator: Box<dyn PoseEstimator> = match params.text("PoseEstimator") {
         "VisualOdometry" => Box::new(VisualOdometry::new(VisualOdometrySettings {
             rig: *recording.rig(),

@@ -5,6 +5,7 @@ use std::path::Path;
 use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
 use elk_spatial::checks::MAX_POINTS;
+use elk_spatial::pixels::PixelRun;
 use elk_stereo::{Matcher, Rectification, Rig};
 use nalgebra::Isometry3;
 
@@ -14,7 +15,7 @@ use crate::camera::Camera;
 use crate::frame::{BadFrame, Frame};
 use crate::pose_estimator::level;
 use crate::recording::{FolderError, Recording};
-use crate::stereo_pair::{Pair, Rectified, seen};
+use crate::stereo_pair::{Pair, Rectified, pixel_runs, seen};
 
 /// What is known of a recorded stereo camera, beside its calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +40,8 @@ pub struct Stereo {
     pairs: Vec<Listed>,
     next: usize,
     start: Pose,
+    /// What became of the last frame's pixels.
+    pixel_runs: Vec<PixelRun>,
 }
 
 impl Stereo {
@@ -65,7 +68,17 @@ impl Stereo {
         let first = pairs.iter().find_map(|pair| pair.pose.as_ref().ok());
         let start = first.map_or(level(), |pose| Pose(pose.0 * posed_from_camera));
         let rectified = Rectified { rectification, calibration_name };
-        Ok(Self { settings, matcher, rectified, size, posed_from_camera, pairs, next: 0, start })
+        Ok(Self {
+            settings,
+            matcher,
+            rectified,
+            size,
+            posed_from_camera,
+            pairs,
+            next: 0,
+            start,
+            pixel_runs: Vec::new(),
+        })
     }
 
     /// The rectified cameras.
@@ -87,6 +100,7 @@ impl Stereo {
         let pair = Pair { images, names, rectified: &self.rectified };
         let outcome = pair.matched(&mut *self.matcher).map_err(|error| bad(error.to_string()))?;
         let (points, no_return) = seen(self.rig(), outcome.disparity(), self.settings.range);
+        self.pixel_runs = pixel_runs(outcome.disparity());
         Ok(Frame {
             name: name.clone(),
             secs,
@@ -122,6 +136,10 @@ impl Recording for Stereo {
         let secs = self.secs(self.next)?;
         self.next += 1;
         Some(self.frame(self.next - 1, secs))
+    }
+
+    fn pixel_runs(&self) -> Vec<PixelRun> {
+        self.pixel_runs.clone()
     }
 
     fn start(&self) -> Pose {

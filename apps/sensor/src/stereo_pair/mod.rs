@@ -3,11 +3,9 @@
 mod grey;
 mod outcome;
 mod pair;
-mod reasons;
 mod seen;
 
 pub use grey::{GreyError, grey};
 pub use outcome::Outcome;
 pub use pair::{Pair, PairError, Rectified};
-pub use reasons::Reasons;
-pub use seen::seen;
+pub use seen::{pixel_runs, seen};

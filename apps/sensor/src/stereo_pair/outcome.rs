@@ -1,10 +1,11 @@
 //! What was seen in a pair, and its files.
 
+use elk_spatial::pixels::PixelTally;
 use elk_stereo::{Disparity, Image, Noise, Rectification, Rig, Unmatched};
 use nalgebra::UnitQuaternion;
 use png::{BitDepth, ColorType, Encoder, EncodingError};
 
-use super::reasons::Reasons;
+use super::seen::pixel_runs;
 
 /// Parts of a pixel that a disparity of 1 has in a file, as in KITTI's.
 const PARTS: f32 = 256.0;
@@ -42,7 +43,7 @@ impl Outcome {
     pub fn summary(&self) -> String {
         let mut depths: Vec<f64> = self.rig.cloud(&self.disparity).map(|(_, _, point)| point.z).collect();
         depths.sort_by(f64::total_cmp);
-        let reasons = Reasons::of(&self.disparity);
+        let reasons = PixelTally::of(&pixel_runs(&self.disparity));
         let matched = format!(
             "{} of {} pixels matched ({:.1} %); {reasons}",
             depths.len(),
@@ -70,7 +71,7 @@ impl Outcome {
     }
 
     /// A picture as a PNG: the rectified left image, and beside it the disparities, red near and blue far. What was not matched is
-    /// dark: grey without texture, black for all other reasons.
+    /// dark, by why not ([`dark`]).
     ///
     /// # Errors
     /// It cannot be encoded.
@@ -83,8 +84,7 @@ impl Outcome {
             bytes.extend([255; 3 * GAP]);
             bytes.extend((0..width).flat_map(|column| match self.disparity.get(row, column) {
                 Ok(disparity) => colour(disparity / nearest),
-                Err(Unmatched::Textureless) => [70; 3],
-                Err(_) => [0; 3],
+                Err(reason) => dark(reason),
             }));
         }
         encoded([2 * width + GAP, height], ColorType::Rgb, BitDepth::Eight, &bytes)
@@ -145,6 +145,18 @@ impl Outcome {
             bytes.extend([self.images[0].row(row)[column]; 3]);
         }
         bytes
+    }
+}
+
+/// The colour of a pixel that was not matched: grey without texture, black out of range, purple if ambiguous, brown if the right image
+/// sees it otherwise, and dark green in too small a component.
+const fn dark(reason: Unmatched) -> [u8; 3] {
+    match reason {
+        Unmatched::Textureless => [110; 3],
+        Unmatched::OutOfRange => [0; 3],
+        Unmatched::Ambiguous => [90, 0, 90],
+        Unmatched::Inconsistent => [95, 50, 10],
+        Unmatched::SmallComponent => [0, 70, 50],
     }
 }
 

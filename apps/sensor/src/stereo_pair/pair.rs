@@ -1,9 +1,10 @@
 //! A pair, and whether there is anything to be seen in it.
 
+use elk_spatial::pixels::PixelTally;
 use elk_stereo::{Disparity, Image, MatchError, Matcher, Rectification, RectificationError, StereoCalibration};
 
 use super::outcome::Outcome;
-use super::reasons::Reasons;
+use super::seen::pixel_runs;
 
 /// Where more pixels than this are matched, nobody asks whether the cameras are swapped.
 const ENOUGH: f64 = 0.4;
@@ -59,7 +60,7 @@ pub enum PairError {
         /// Share of pixels that match (0 to 1).
         share: f64,
         /// Why the others do not.
-        reasons: Reasons,
+        reasons: PixelTally,
     },
 }
 
@@ -122,7 +123,7 @@ impl Pair<'_> {
             }
         }
         if share < LEAST {
-            let (names, reasons) = (self.names.clone(), Reasons::of(&disparity));
+            let (names, reasons) = (self.names.clone(), PixelTally::of(&pixel_runs(&disparity)));
             return Err(PairError::Nothing { names, share, reasons });
         }
         Ok(Outcome::new(rectification, rectified, disparity))

@@ -1,6 +1,7 @@
 //! What disparities say of the space in front of the cameras.
 
-use elk_stereo::{Disparity, Rig};
+use elk_spatial::pixels::{PixelOutcome, PixelRun};
+use elk_stereo::{Disparity, Rig, Unmatched};
 use nalgebra::Point3;
 
 /// What disparities see, in the frame of the left camera (x right, y down, z forward; m): a point for each pixel that was matched, and, of
@@ -16,4 +17,16 @@ pub fn seen(rig: &Rig, disparity: &Disparity, range: Option<f64>) -> (Vec<Point3
         }
     }
     (points, no_return)
+}
+
+/// What became of all pixels of the left image, as a scan says it.
+pub fn pixel_runs(disparity: &Disparity) -> Vec<PixelRun> {
+    PixelRun::all(disparity.iter().map(|said| match said {
+        Ok(_) => PixelOutcome::Matched,
+        Err(Unmatched::Textureless) => PixelOutcome::Textureless,
+        Err(Unmatched::OutOfRange) => PixelOutcome::OutOfRange,
+        Err(Unmatched::Ambiguous) => PixelOutcome::Ambiguous,
+        Err(Unmatched::Inconsistent) => PixelOutcome::Inconsistent,
+        Err(Unmatched::SmallComponent) => PixelOutcome::SmallComponent,
+    }))
 }

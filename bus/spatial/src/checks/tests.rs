@@ -140,8 +140,21 @@ fn a_scan_is_checked_where_it_lies() {
     assert!(said(crate::Scan { measured: 1 << 40, ..scan.clone() }).starts_with("measured is 1099511627776"));
     let point = [Point3::origin()].into_iter().collect();
     assert!(
-        said(crate::Scan { points: point, ..scan }).starts_with("measured is 0; it has to be at least the number of")
+        said(crate::Scan { points: point, ..scan.clone() })
+            .starts_with("measured is 0; it has to be at least the number of")
     );
+    let camera = crate::CameraInfo { columns: 4, rows: 2, ..scan.camera };
+    let pixels = |outcome, pixels| crate::Scan {
+        camera,
+        pixel_runs: vec![crate::pixels::PixelRun { outcome, pixels }],
+        ..scan.clone()
+    };
+    assert_eq!(pixels(1, 8).check(), Ok(()));
+    assert!(
+        said(pixels(1, 7))
+            .starts_with("pixel_runs is 7; it has to be as many pixels as the camera's columns times rows")
+    );
+    assert!(said(pixels(6, 8)).starts_with("pixel_runs[0].outcome is 6"), "{}", said(pixels(6, 8)));
 }
 
 /// A scan of the next version, which says one thing more, is read by this one: its points are copied.

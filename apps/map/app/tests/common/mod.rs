@@ -7,9 +7,8 @@ use elk_bus::memory::MemoryBroker;
 use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, any};
 use elk_geometry::Pose;
 use elk_map::{Format, OccupancyMap};
+use elk_spatial::Scan;
 use elk_spatial::keys::SCAN;
-use elk_spatial::scan::Points;
-use elk_spatial::{CameraInfo, Scan};
 use nalgebra::{Point3, Vector3};
 
 /// The community.
@@ -90,9 +89,7 @@ impl Stage {
     /// Says a scan of a point so far ahead (m).
     pub fn scan(&mut self, id: u64, ahead_m: f32) {
         let pose = Pose::looking(Point3::new(0.05, 0.05, 0.05), Vector3::y());
-        let (camera, no_return) = (CameraInfo::default(), Points::default());
-        let points = [Point3::new(0.0, 0.0, ahead_m)].into_iter().collect();
-        let scan = Scan { id, command: id, pose, camera, measured: 1, no_return, points };
+        let scan = Scan::new(id, id, pose, [Point3::new(0.0, 0.0, ahead_m)].into_iter().collect());
         self.others.comms.publish(&SCAN, &scan).unwrap();
     }
 }
