@@ -4,7 +4,8 @@
 //! how much of what was looked for was found), or why nobody knows ([`Lost`]). Corners are spread evenly over the image, matched along rows, and
 //! stay in a map as points with what they look like. Each pair looks for the points of the map; a consensus of few (RANSAC) tells which were
 //! found, and least squares on the reprojection error in both images give the pose. Some pairs become keyframes, of which the last few are
-//! adjusted together with the points that they see. The pipeline is that of the thesis that this reproduces (Shade, *Choosing Where To Go*,
+//! adjusted together with the points that they see. With a memory ([`OdometryConfig::memory`]) those before are kept as well, and taken up again where
+//! their views are seen again. The pipeline is that of the thesis that this reproduces (Shade, *Choosing Where To Go*,
 //! 2011, 2.2.3, where the system is Sibley, Mei, Reid and Newman's); sections without another source are of that.
 //!
 //! Poses are those of the rectified left camera in the world (x right, y down, z forward; metres). Pixels are columns and rows, the centre of a

@@ -4,12 +4,13 @@ use std::collections::VecDeque;
 
 use elk_bus::AppError;
 use elk_geometry::Pose;
+use elk_registration::ConfigError;
 use elk_spatial::CameraInfo;
 use elk_spatial::playback::PoseEstimate;
 use nalgebra::{Isometry3, Point3};
 
 use crate::frame::{BadFrame, Frame};
-use crate::pose_estimator::{Located, PoseEstimator};
+use crate::pose_estimator::{Located, MapMatching, MapMatchingSettings, PoseEstimator};
 use crate::source::{Capture, DepthSource, Seen, Travel, Truth};
 
 /// How far a robot goes, and turns, from one look to the next.
@@ -45,6 +46,14 @@ impl Estimating {
     /// By an estimator that has seen nothing, from looks so far apart.
     pub fn new(estimator: impl PoseEstimator + 'static, spacing: LookSpacing) -> Self {
         Self { estimator: Box::new(estimator), spacing }
+    }
+
+    /// The same, whose estimates are made better by where scans lie on those before them.
+    ///
+    /// # Errors
+    /// Settings out of range.
+    pub fn refined(self, settings: &MapMatchingSettings) -> Result<Self, ConfigError> {
+        Ok(Self { estimator: Box::new(MapMatching::new(self.estimator, settings)?), ..self })
     }
 }
 
@@ -206,7 +215,10 @@ impl Localised {
             pose: Ok(self.truth),
             odometry: None,
             pair: self.source.pair(&self.capture())?,
-            points: Vec::new(),
+            points: match self.estimator.goes_by_points() {
+                true => self.source.scan(&self.capture())?.points.iter().collect(),
+                false => Vec::new(),
+            },
             no_return: Vec::new(),
         };
         let estimate = PoseEstimate {

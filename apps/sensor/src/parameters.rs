@@ -1,8 +1,10 @@
 //! What a mission file can say of every sensor, and of every recorded one.
 
+use elk_bus::AppError;
 use elk_mission::{Kind, ParamSpec, Params};
 
-use crate::pose_estimator::Drift;
+use crate::localised::{Estimating, LookSpacing};
+use crate::pose_estimator::{Drift, DriftingOdometry, MapMatchingSettings};
 
 /// A parameter with a default.
 pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
@@ -39,12 +41,88 @@ pub(crate) const SIMULATED: &[ParamSpec] = &[
 ];
 
 /// How a robot with a simulated depth camera knows where it is.
-pub(crate) const DEAD_RECKONING: ParamSpec = param(
-    "PoseEstimator",
-    Kind::Choice(&["none", "Odometry"]),
-    "none",
-    "How the pose is estimated; none: it is known exactly; Odometry: from motions that are measured with an error, so that it drifts.",
+pub(crate) const DEAD_RECKONING: &[ParamSpec] = &[
+    param(
+        "PoseEstimator",
+        Kind::Choice(&["none", "Odometry"]),
+        "none",
+        "How the pose is estimated; none: it is known exactly; Odometry: from motions that are measured with an error, so that it drifts.",
+    ),
+    LOOK_WAY,
+    LOOK_TURN,
+    REFINE,
+    REFINE_VOXEL,
+];
+
+const LOOK_WAY: ParamSpec = param(
+    "LookWay",
+    Kind::Number { unit: "m", min: 0.001, max: 100.0 },
+    "0.1",
+    "With VisualOdometry or Refine: how far the robot goes at most from one look to the next on its way to a pose.",
 );
+const LOOK_TURN: ParamSpec = param(
+    "LookTurn",
+    Kind::Number { unit: "deg", min: 0.1, max: 360.0 },
+    "10",
+    "With VisualOdometry or Refine: how far it turns at most from one look to the next.",
+);
+
+const REFINE: ParamSpec = param(
+    "Refine",
+    Kind::Choice(&["none", "ICP"]),
+    "none",
+    "How an estimated pose is made better; ICP: by where the scan lies on those before it, each in as far as it is the surer one.",
+);
+const REFINE_VOXEL: ParamSpec = param(
+    "RefineVoxel",
+    Kind::Number { unit: "m", min: 0.005, max: 10.0 },
+    "0.05",
+    "With Refine: edge of the finest voxels whose surfaces scans are laid on.",
+);
+
+/// How visual odometry remembers.
+pub(crate) const MEMORY: ParamSpec = param(
+    "Memory",
+    Kind::Integer { min: 0, max: 1_000_000 },
+    "500",
+    "With VisualOdometry: so many keyframes, of about 0.1 MB, are kept, and taken up again where their views are seen again; 0: none.",
+);
+
+/// So many keyframes are kept.
+pub(crate) fn memory(params: &Params) -> usize {
+    // The table keeps it positive.
+    params.integer("Memory") as usize
+}
+
+/// How a robot knows where it is that goes by odometry, whose errors are drawn from a seed.
+///
+/// # Errors
+/// Settings out of range.
+pub(crate) fn dead_reckoning(params: &Params, seed: u64) -> Result<Estimating, AppError> {
+    let drift = drift(params, seed);
+    let spacing = if is_refined(params) { look_spacing(params) } else { LookSpacing::AT_THE_END };
+    refined(params, Estimating::new(DriftingOdometry::new(drift), spacing), drift)
+}
+
+/// An estimating robot's, made better as a mission says it. Its odometry errs by `drift`.
+///
+/// # Errors
+/// Settings out of range.
+pub(crate) fn refined(params: &Params, estimating: Estimating, drift: Drift) -> Result<Estimating, AppError> {
+    match is_refined(params) {
+        true => Ok(estimating.refined(&MapMatchingSettings { voxel: params.number("RefineVoxel"), drift })?),
+        false => Ok(estimating),
+    }
+}
+
+fn is_refined(params: &Params) -> bool {
+    params.text("Refine") == "ICP"
+}
+
+/// How far a robot goes and turns from look to look.
+pub(crate) fn look_spacing(params: &Params) -> LookSpacing {
+    LookSpacing { way_m: params.number("LookWay"), turn_rad: params.number("LookTurn").to_radians() }
+}
 
 /// How a robot with two simulated cameras knows where it is.
 pub(crate) const LOOKING: &[ParamSpec] = &[
@@ -54,22 +132,15 @@ pub(crate) const LOOKING: &[ParamSpec] = &[
         "none",
         "How the pose is estimated; none: it is known exactly; Odometry: from motions that are measured with an error; VisualOdometry: from the images.",
     ),
-    param(
-        "LookWay",
-        Kind::Number { unit: "m", min: 0.001, max: 100.0 },
-        "0.1",
-        "With VisualOdometry: how far the robot goes at most from one look to the next on its way to a pose.",
-    ),
-    param(
-        "LookTurn",
-        Kind::Number { unit: "deg", min: 0.1, max: 360.0 },
-        "10",
-        "With VisualOdometry: how far it turns at most from one look to the next.",
-    ),
+    LOOK_WAY,
+    LOOK_TURN,
+    MEMORY,
+    REFINE,
+    REFINE_VOXEL,
 ];
 
 /// Odometry as a mission says it, whose errors are drawn from the sensor's seed.
-pub(crate) fn drift(params: &Params, seed: u64) -> Drift {
+fn drift(params: &Params, seed: u64) -> Drift {
     Drift { way: params.number("DriftWay"), turn: params.number("DriftTurn"), seed }
 }
 

@@ -4,10 +4,11 @@ use elk_geometry::Pose;
 use elk_sensor::frame::Frame;
 use elk_sensor::localised::{Estimating, Localised, LookSpacing};
 use elk_sensor::pose_estimator::{
-    Drift, DriftingOdometry, Located, PoseEstimator, VisualOdometry, VisualOdometrySettings,
+    Drift, DriftingOdometry, Located, MapMatchingSettings, PoseEstimator, VisualOdometry, VisualOdometrySettings,
 };
 use elk_sensor::simulated_stereo::{Eyes, Look, Settings, SimulatedStereo};
 use elk_sensor::simulator::{self, Simulator};
+use elk_sensor::source::{Capture, DepthSource};
 use elk_sensor::surroundings::Body;
 use elk_sensor::{Camera, Obstruction, Robot};
 use elk_spatial::messages::PoseCommand;
@@ -39,7 +40,7 @@ fn stereo(contrast: f32) -> SimulatedStereo {
 }
 
 fn odometry(stereo: &SimulatedStereo) -> VisualOdometry {
-    let settings = VisualOdometrySettings { rig: *stereo.rig(), size: [320, 240], patience: 1000, seed: 1 };
+    let settings = VisualOdometrySettings { rig: *stereo.rig(), size: [320, 240], patience: 1000, memory: 0, seed: 1 };
     VisualOdometry::new(settings).unwrap()
 }
 
@@ -126,6 +127,60 @@ fn odometry_drifts_and_exact_odometry_does_not() {
     let drifted = gone(0.02, 0.02);
     assert!((0.01..0.5).contains(&drifted), "{drifted}");
     assert_eq!(drifted.to_bits(), gone(0.02, 0.02).to_bits());
+}
+
+/// To and fro before the cupboard, by an odometry that errs by a tenth of each motion.
+#[test]
+fn scans_take_out_what_odometry_drifts() {
+    let gone = |is_refined: bool| {
+        let simulator = Simulator::new(body(), simulator::Settings::default());
+        let drift = Drift { way: 0.1, turn: 0.1, seed: 3 };
+        let mut estimating = Estimating::new(DriftingOdometry::new(drift), LookSpacing::AT_THE_END);
+        if is_refined {
+            estimating = estimating.refined(&MapMatchingSettings { voxel: 0.05, drift }).unwrap();
+        }
+        let mut robot = Robot::localised(Localised::new(Box::new(simulator), estimating)).unwrap();
+        let mut worst: f64 = 0.0;
+        for id in 1..=20 {
+            let to = (id % 3) as f64;
+            let sent = Pose::from_yaw_pitch(Point3::new(1.0 + 0.3 * to, 2.0 + 0.2 * to, 1.2), 0.2 * to, -0.1 * to);
+            let advance = robot.go(&command(id, sent)).1;
+            let truly = advance.estimates[0].recorded.unwrap();
+            worst = worst.max((truly.position() - robot.pose().position()).norm());
+        }
+        worst
+    };
+    let (drifted, refined) = (gone(false), gone(true));
+    assert!(drifted > 0.05 && refined < 0.03, "{refined} m at most, without scans {drifted}");
+    assert_eq!(refined.to_bits(), gone(true).to_bits());
+}
+
+/// A quarter of a metre from it the wall's points lie 100 columns apart in the two images, of 320.
+#[test]
+fn before_a_wall_cameras_know_where_they_are() {
+    let mut stereo = stereo(20.0);
+    let mut odometry = odometry(&stereo);
+    let mut worst: f64 = 0.0;
+    for look in 0..40 {
+        let step = f64::from(look);
+        let pose = Pose::from_yaw_pitch(Point3::new(1.0 + 0.03 * step, 3.75, 1.2), std::f64::consts::FRAC_PI_2, 0.0);
+        let capture = Capture { scan: look as u64, time_secs: 0.0, pose };
+        let pair = stereo.pair(&capture).unwrap();
+        let frame = Frame {
+            name: String::new(),
+            secs: 0.0,
+            pose: Ok(pose),
+            odometry: None,
+            pair,
+            points: Vec::new(),
+            no_return: Vec::new(),
+        };
+        match odometry.locate(&frame) {
+            Located::At(said, ..) => worst = worst.max((said.position() - pose.position()).norm()),
+            other => panic!("look {look}: {other:?}"),
+        }
+    }
+    assert!(worst < 0.02, "{worst} m");
 }
 
 /// All around the room, from the images alone, with a turn at each corner.

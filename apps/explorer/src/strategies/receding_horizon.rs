@@ -198,7 +198,7 @@ impl RecedingHorizon {
     fn far(&mut self, view: &View<'_>, groups: &[Group<'_>], prospects: &mut Prospects<'_>) -> Option<Route> {
         let space = view.space;
         let seen = self.kept.places.iter().map(|place| {
-            let sighted = prospects.from(place.voxel);
+            let sighted = prospects.seen_from(place.voxel);
             (Place { gain: gain(&sighted, groups), ..*place }, sighted)
         });
         let seen: Vec<(Place, Sighted)> = seen.filter(|(place, _)| place.gain >= LEAST_KEPT).collect();
@@ -251,7 +251,7 @@ impl Strategy for RecedingHorizon {
         let groups = groups(view, MOST_GROUPS);
         let mut prospects = Prospects::new(view, &groups);
         // What is seen from here costs no way.
-        if let Some(group) = journal.time("views", || largest(&prospects.from_start(view), &groups)) {
+        if let Some(group) = journal.time("views", || largest(&prospects.seen_from_start(view), &groups)) {
             return Some(Route { points: vec![view.from], goal: aim(view, group) });
         }
         let tree = journal.time("tree", || self.grow(view));
@@ -283,7 +283,7 @@ impl Strategy for RecedingHorizon {
 impl<'a> Grown<'a> {
     /// A tree looked from, from whose root nothing is seen.
     fn of(tree: Tree<'a>, prospects: &mut Prospects<'_>) -> Self {
-        let there = tree.nodes().iter().skip(1).map(|node| prospects.from(node.voxel));
+        let there = tree.nodes().iter().skip(1).map(|node| prospects.seen_from(node.voxel));
         let sighted: Vec<Sighted> = std::iter::once(Sighted::default()).chain(there).collect();
         let (mut on_branch, mut new) = (sighted.clone(), sighted.clone());
         for node in tree.outward().into_iter().filter(|node| *node > 0) {

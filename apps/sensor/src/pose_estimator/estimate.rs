@@ -17,6 +17,11 @@ pub trait PoseEstimator: Send {
     fn estimates(&self) -> bool {
         true
     }
+
+    /// Whether it looks at the points of frames.
+    fn goes_by_points(&self) -> bool {
+        false
+    }
 }
 
 /// What is known of where a frame was taken.

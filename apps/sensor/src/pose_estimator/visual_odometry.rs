@@ -17,6 +17,8 @@ pub struct VisualOdometrySettings {
     pub size: [usize; 2],
     /// After so many lost pairs in a row what was seen before is given up.
     pub patience: usize,
+    /// So many keyframes of before are kept, and taken up again where their views are seen again.
+    pub memory: usize,
     /// Of the random numbers by which a consensus is looked for.
     pub seed: u64,
 }
@@ -40,8 +42,8 @@ impl VisualOdometry {
 }
 
 fn begun(settings: &VisualOdometrySettings, start: Pose) -> Result<Odometry, SetupError> {
-    let VisualOdometrySettings { rig, size, patience, seed } = *settings;
-    Odometry::new(rig, size, OdometryConfig { patience, seed, ..OdometryConfig::default() }, start)
+    let VisualOdometrySettings { rig, size, patience, memory, seed } = *settings;
+    Odometry::new(rig, size, OdometryConfig { patience, memory, seed, ..OdometryConfig::for_images(size) }, start)
 }
 
 impl PoseEstimator for VisualOdometry {

@@ -8,14 +8,16 @@ use super::eyes::Eyes;
 use super::source::{Settings, SimulatedStereo};
 use super::texture::Look;
 use crate::camera::Camera;
-use crate::localised::{Estimating, LookSpacing};
+use crate::localised::Estimating;
 use crate::matching::matcher;
-use crate::parameters::{BELIEVED_RANGE, drift, param};
-use crate::pose_estimator::{DriftingOdometry, VisualOdometry, VisualOdometrySettings};
+use crate::parameters::{BELIEVED_RANGE, dead_reckoning, look_spacing, memory, param, refined};
+use crate::pose_estimator::{Drift, VisualOdometry, VisualOdometrySettings};
 use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
 /// Lost looks after which what was seen before would be given up: a robot that goes back the way it came is not that patient.
 const PATIENCE: usize = 1_000_000_000;
+/// By how much visual odometry errs in these worlds, of way and turn, beside scans that are to make it better.
+const IMAGES_DRIFT: f64 = 0.005;
 const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
 
 /// What a mission file can say of it, beside its surroundings and how it matches.
@@ -54,14 +56,13 @@ pub(super) fn simulated_stereo(params: &Params) -> Result<SimulatedStereo, AppEr
 pub(super) fn estimating(params: &Params, stereo: &SimulatedStereo) -> Result<Option<Estimating>, AppError> {
     let seed = seed(params);
     Ok(match params.text("PoseEstimator") {
-        "Odometry" => Some(Estimating::new(DriftingOdometry::new(drift(params, seed)), LookSpacing::AT_THE_END)),
+        "Odometry" => Some(dead_reckoning(params, seed)?),
         "VisualOdometry" => {
             let Camera { width, height, .. } = camera(params);
             let (rig, size) = (*stereo.rig(), [width as usize, height as usize]);
-            let settings = VisualOdometrySettings { rig, size, patience: PATIENCE, seed };
-            let spacing =
-                LookSpacing { way_m: params.number("LookWay"), turn_rad: params.number("LookTurn").to_radians() };
-            Some(Estimating::new(VisualOdometry::new(settings)?, spacing))
+            let settings = VisualOdometrySettings { rig, size, patience: PATIENCE, memory: memory(params), seed };
+            let estimating = Estimating::new(VisualOdometry::new(settings)?, look_spacing(params));
+            Some(refined(params, estimating, Drift { way: IMAGES_DRIFT, turn: IMAGES_DRIFT, seed })?)
         }
         _ => None,
     })

@@ -16,7 +16,7 @@ use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 
 use crate::app::recorded;
 use crate::matching::{self, matcher};
-use crate::parameters::{BELIEVED_RANGE, PAIR_TRACKING, PATIENCE, RECORDED, frames, param};
+use crate::parameters::{BELIEVED_RANGE, MEMORY, PAIR_TRACKING, PATIENCE, RECORDED, frames, memory, param};
 use crate::pose_estimator::{PoseEstimator, Recorded, VisualOdometry, VisualOdometrySettings};
 use crate::recording::Player;
 use crate::surroundings::range;
@@ -37,6 +37,7 @@ const PARAMS: &[ParamSpec] = &[
     ),
     PAIR_TRACKING,
     PATIENCE,
+    MEMORY,
 ];
 
 const OWN: [ParamSpec; PARAMS.len() + matching::PARAMS.len()] = joined(PARAMS, matching::PARAMS);
@@ -63,6 +64,7 @@ fn player(params: &Params) -> Result<Player, AppError> {
             rig: *recording.rig(),
             size: recording.size(),
             patience: params.integer("Patience") as usize,
+            memory: memory(params),
             seed: 1,
         })?),
         _ => Box::new(Recorded),

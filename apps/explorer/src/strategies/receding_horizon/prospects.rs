@@ -81,7 +81,7 @@ impl<'a> Prospects<'a> {
 
     /// The groups of which a camera in the middle of voxel `place` sees what stands for them, if it turns there: as
     /// [`Target::seen_from`] says, at most as far as a look is trusted.
-    pub fn from(&mut self, place: Voxel) -> Sighted {
+    pub fn seen_from(&mut self, place: Voxel) -> Sighted {
         let Self { free, resolution, range_m, prospects } = self;
         let from = place.center(*resolution);
         let mut sighted = Sighted::default();
@@ -95,7 +95,7 @@ impl<'a> Prospects<'a> {
     }
 
     /// The same from where the route starts.
-    pub fn from_start(&self, view: &View<'_>) -> Sighted {
+    pub fn seen_from_start(&self, view: &View<'_>) -> Sighted {
         let mut sighted = Sighted::default();
         for (group, Prospect { target, center, .. }) in self.prospects.iter().enumerate() {
             if (center - view.from).norm() <= self.range_m && target.seen_from(view.space, view.from) {

@@ -65,10 +65,10 @@ fn a_place_that_sees_nothing_gains_nothing() {
     let view = room.view();
     let groups = groups(&view, MOST_GROUPS);
     let mut prospects = Prospects::new(&view, &groups);
-    let mut of = |x: i32| gain(&prospects.from(Voxel::new(x, 15, 12)), &groups);
+    let mut of = |x: i32| gain(&prospects.seen_from(Voxel::new(x, 15, 12)), &groups);
     // The last one sees the row from 5.5 m, which is farther than a look is trusted.
     assert_eq!([40, 80, 150, 120].map(&mut of), [1.0, 0.0, 20.0, 0.0]);
-    assert_eq!(gain(&prospects.from_start(&view), &groups), 0.0);
+    assert_eq!(gain(&prospects.seen_from_start(&view), &groups), 0.0);
 }
 
 /// As [`Target::seen_from`](crate::Target::seen_from) says, which walks all lines to their ends.
@@ -83,7 +83,7 @@ fn what_is_seen_is_what_targets_say_that_they_are_seen_from() {
         let near = |group: &Group<'_>| (view.space.center(group.target.voxel) - from).norm() <= VIEW_M;
         let sees = |group: &Group<'_>| near(group) && group.target.seen_from(view.space, from);
         let expected: Vec<usize> = (0..groups.len()).filter(|group| sees(&groups[*group])).collect();
-        assert_eq!(prospects.from(place).iter().collect::<Vec<_>>(), expected, "{place:?}");
+        assert_eq!(prospects.seen_from(place).iter().collect::<Vec<_>>(), expected, "{place:?}");
     }
 }
 
