@@ -366,7 +366,7 @@ fn section_1_11_the_server_s_own_variables() {
         assert_eq!(one.data, if is_number { Data::DOUBLE } else { Data::STRING }, "{one:?}");
     }
     let of = |key: &'static str| heard.iter().filter(move |one| one.key == key);
-    let last = |key: &'static str| of(key).last().unwrap_or_else(|| panic!("no {key}")).text();
+    let last = |key: &'static str| of(key).next_back().unwrap_or_else(|| panic!("no {key}")).text();
     // Seconds of MOOS' time, and since the start.
     assert!(of("DB_TIME").all(|one| one.number == one.time), "{heard:?}");
     let started: Vec<f64> = of("DB_UPTIME").map(|one| one.time - one.number).collect();

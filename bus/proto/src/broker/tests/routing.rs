@@ -75,7 +75,7 @@ fn whoever_changes_its_interval_has_what_waited_for_the_old_one() {
 #[test]
 fn a_variable_that_somebody_waits_for_is_one_of_the_community_s() {
     let b = &mut broker();
-    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    let (mut a, c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
     c.register(b, 0.0, "X", "*", 0.0);
     c.register(b, 0.0, "Y*", "*", 0.0);
     let found =
