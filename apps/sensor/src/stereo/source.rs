@@ -39,6 +39,7 @@ pub struct Stereo {
     pairs: Vec<Listed>,
     next: usize,
     start: Pose,
+    remarks: Vec<String>,
 }
 
 impl Stereo {
@@ -47,7 +48,7 @@ impl Stereo {
     /// # Errors
     /// There is none, or its cameras are no stereo camera.
     pub fn open(path: &Path, settings: Settings, matcher: Box<dyn Matcher + Send>) -> Result<Self, FolderError> {
-        let Folder { calibration, calibration_name, posed_from_left, pairs } = folder(path)?;
+        let Folder { calibration, calibration_name, posed_from_left, pairs, remarks } = folder(path)?;
         let size = calibration.left.size;
         let unfit = |why: String| FolderError::File { file: calibration_name.clone().into(), why };
         let rectification = Rectification::new(&calibration).map_err(|error| unfit(error.to_string()))?;
@@ -65,7 +66,7 @@ impl Stereo {
         let first = pairs.iter().find_map(|pair| pair.pose.as_ref().ok());
         let start = first.map_or(level(), |pose| Pose(pose.0 * posed_from_camera));
         let rectified = Rectified { rectification, calibration_name };
-        Ok(Self { settings, matcher, rectified, size, posed_from_camera, pairs, next: 0, start })
+        Ok(Self { settings, matcher, rectified, size, posed_from_camera, pairs, next: 0, start, remarks })
     }
 
     /// The rectified cameras.
@@ -126,5 +127,9 @@ impl Recording for Stereo {
 
     fn start(&self) -> Pose {
         self.start
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        self.remarks.clone()
     }
 }
