@@ -476,7 +476,55 @@ fn a_log_of_a_laser_is_matched_in_the_plane() {
     std::fs::write(&file, "no log\n").unwrap();
     let refused = elk.launch_and_fail(&mission(""));
     assert!(
-        refused.contains("there is no scan in it; right is a CARMEN log with FLASER lines"),
+        refused.contains("there is no scan in it; right is a CARMEN log with FLASER or ROBOTLASER1 lines"),
         "{refused}"
     );
+}
+
+/// Regression: whatever a laser saw was taken to lie over 180°, and mapped elsewhere than it was.
+#[test]
+fn a_laser_sees_as_far_around_as_it_says() {
+    let elk = Elk::new("recorded-fan");
+    let (beams, fov) = (1080, 1.5 * PI);
+    let [x, y, angle] = [1.5, 1.5, 0.4];
+    let ranges = (0..beams).map(|beam| range([x, y], angle + fov * (f64::from(beam) / f64::from(beams) - 0.5)));
+    let ranges: Vec<String> = ranges.map(|range| format!("{range:.4}")).collect();
+    let ranges = ranges.join(" ");
+    let file = elk.folder().join("room.log");
+    let mission = |more: &str| {
+        format!(
+            "<Scenario name=\"Room\" type=\"auto\" version=\"1\">
+                <Sensor type=\"Laser2D\"> <Recording> {} </Recording> {more} </Sensor>
+                <Map type=\"OctoMap\"> <Res> 0.1 m </Res> </Map> <Controller type=\"Playback\"/>
+            </Scenario>",
+            file.display()
+        )
+    };
+    let older = format!("FLASER {beams} {ranges} {x} {y} {angle} {x} {y} {angle} 1 host 1\n");
+    // What is as far away as this laser sees, it does not see.
+    let newer = format!(
+        "ROBOTLASER1 4 {} {fov} {} 4.0 0.01 0 {beams} {ranges} 0 {x} {y} {angle} {x} {y} {angle} 0 0 0.3 0.3 0 1 host 1\n",
+        -fov / 2.0,
+        fov / f64::from(beams)
+    );
+    for (log, more, logs, range_m) in [(older, "<Fov> 270 deg </Fov>", "older", 30.0), (newer, "", "newer", 4.0)] {
+        std::fs::write(&file, log).unwrap();
+        let said = play(&elk, &mission(more), logs);
+        assert!(said.contains("1 scans of 1 frames"), "{said}");
+        let mut log = LogReader::open(&elk.run_in(logs)).unwrap();
+        let scan = log.by_ref().map(Result::unwrap).find(|record| record.key == SCAN.name()).unwrap();
+        let scan = scan.value.as_ref().decode(&SCAN).unwrap();
+        assert!((scan.camera.fov_x - fov).abs() < 1e-9 && (scan.camera.range_m - range_m).abs() < 1e-6);
+        assert_eq!(scan.points.len() + scan.no_return.len(), beams as usize);
+        assert_eq!(!scan.no_return.is_empty(), range_m < 5.0);
+        let walls = |point: Point3<f64>| {
+            let outer = [point.x, 6.0 - point.x, point.y, 4.0 - point.y].into_iter().fold(f64::INFINITY, f64::min);
+            let pillar = (2.6 - point.x).max(point.x - 3.1).max(2.8 - point.y).max(point.y - 3.2).abs();
+            outer.abs().min(pillar)
+        };
+        let off = scan.world_points().map(|point| walls(point.cast())).fold(0.0, f64::max);
+        assert!(off < 1e-3, "{logs}: a point {off} m off every wall");
+    }
+    let refused = elk.launch_and_fail(&mission("<Fov> 400 deg </Fov>"));
+    assert!(refused.contains("Fov") && refused.contains("360"), "{refused}");
 }
