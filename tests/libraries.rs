@@ -86,6 +86,8 @@ fn a_library_says_nothing_of_missions() {
     for (library, folder) in LIBRARIES {
         let code = code(&root.join(folder).join("src"));
         assert!(code.contains("thiserror::Error"), "{library} has errors");
+        // What a laser says beside its ranges is a remission.
+        let code = code.replace("remission", "").replace("Remission", "");
         let said: Vec<_> = of_missions.iter().filter(|word| code.contains(**word)).collect();
         assert!(said.is_empty(), "{library} says {said:?}");
     }

@@ -59,6 +59,30 @@ fn render(elk: &Elk, name: &str) -> PathBuf {
     folder
 }
 
+/// When TUM's clock stood at a frame (s): not as evenly as frames come.
+fn tum_secs(frame: usize) -> f64 {
+    1_305_031_102.0 + 0.1 * frame as f64 + 0.01 * (frame % 3) as f64
+}
+
+/// The recording in `frames` as TUM has it, in the folder `name`: with poses between those of the frames.
+fn tum(elk: &Elk, frames: &Path, name: &str) -> PathBuf {
+    let folder = elk.folder().join(name);
+    std::fs::create_dir_all(folder.join("depth")).unwrap();
+    let (mut images, mut poses) = (String::from("# time file\n"), String::from("# time pose\n"));
+    for frame in 0..FRAMES {
+        let image = format!("depth/{:.6}.png", tum_secs(frame));
+        std::fs::copy(frames.join(format!("frame-{frame:06}.depth.png")), folder.join(&image)).unwrap();
+        writeln!(images, "{:.6} {image}", tum_secs(frame)).unwrap();
+        for (pose, late) in [(place(frame), 0.004), (place(frame + 100), 0.05)] {
+            let ([x, y, z], q) = (<[f64; 3]>::from(pose.position().coords), pose.0.rotation);
+            writeln!(poses, "{:.4} {x} {y} {z} {} {} {} {}", tum_secs(frame) + late, q.i, q.j, q.k, q.w).unwrap();
+        }
+    }
+    std::fs::write(folder.join("depth.txt"), images).unwrap();
+    std::fs::write(folder.join("groundtruth.txt"), poses).unwrap();
+    folder
+}
+
 fn write_depths(file: &Path, [width, height]: [u32; 2], depths: &[u16]) {
     let mut encoder = png::Encoder::new(std::fs::File::create(file).unwrap(), width, height);
     encoder.set_color(png::ColorType::Grayscale);
@@ -191,6 +215,55 @@ fn poses_that_the_images_say_are_near_those_that_were_recorded() {
             "{estimate:?}"
         );
     }
+}
+
+#[test]
+fn the_same_frames_are_the_same_scans_in_both_layouts() {
+    let elk = Elk::new("recorded-layouts");
+    let frames = render(&elk, "frames");
+    let timed = tum(&elk, &frames, "tum");
+    let scans = |recording: &Path, logs: &str| {
+        let said = play(&elk, &mission(recording, ""), logs);
+        assert!(said.contains("played to its end, 12 scans of 12 frames"), "{said}");
+        let mut log = LogReader::open(&elk.run_in(logs)).unwrap();
+        let scans = log.by_ref().map(Result::unwrap).filter(|record| record.key == SCAN.name());
+        scans.map(|record| record.value.as_ref().decode(&SCAN).unwrap().into_owned()).collect::<Vec<_>>()
+    };
+    let [numbered, with_times] = [scans(&frames, "numbered"), scans(&timed, "timed")];
+    assert_eq!(with_times.len(), FRAMES);
+    for (one, other) in numbered.iter().zip(&with_times) {
+        assert!(one.points == other.points && one.camera == other.camera, "scan {}", one.id);
+        assert!(apart(&one.pose, &other.pose) < 1e-9 && one.pose.0.rotation.angle_to(&other.pose.0.rotation) < 1e-7);
+    }
+
+    // A line of either list that is none, a file that is not there: the others are played, at their times.
+    let spoil = |list: &str, from: &str, to: &str| {
+        let list = timed.join(list);
+        let text = std::fs::read_to_string(&list).unwrap();
+        assert!(text.contains(from));
+        std::fs::write(&list, text.replacen(from, to, 1)).unwrap();
+    };
+    spoil("depth.txt", &format!("{:.6} depth", tum_secs(3)), "noon depth");
+    spoil("groundtruth.txt", &format!("{:.4} ", tum_secs(5) + 0.004), "x ");
+    std::fs::remove_file(timed.join(format!("depth/{:.6}.png", tum_secs(8)))).unwrap();
+    let said = play(&elk, &mission(&timed, ""), "given");
+    for words in [
+        "groundtruth.txt: line 12: \"x\" is no finite number; it is left out",
+        "depth.txt:5: \"noon\" is no time",
+        &format!("depth/{:.6}.png: groundtruth.txt has no pose within 0.02 s of ", tum_secs(5)),
+        "s (line 12: \"x\" is no finite number)",
+        &format!("depth/{:.6}.png: No such file or directory (os error 2); right is a PNG of 16 bits", tum_secs(8)),
+        "9 scans of 12 frames, 3 could not be used",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let said = play(&elk, &mission(&timed, "<PoseEstimator> ICP </PoseEstimator>"), "estimated");
+    assert!(said.contains("10 scans of 12 frames, 2 could not be used"), "{said}");
+    let mut log = LogReader::open(&elk.run_in("estimated")).unwrap();
+    let estimates = log.by_ref().map(Result::unwrap).filter(|record| record.key == POSE_ESTIMATE.name());
+    let times: Vec<f64> = estimates.map(|record| record.value.as_ref().decode(&POSE_ESTIMATE).unwrap().secs).collect();
+    let wanted: Vec<f64> = (0..FRAMES).filter(|i| ![3, 8].contains(i)).map(|i| tum_secs(i) - tum_secs(0)).collect();
+    assert!(times.len() == wanted.len() && times.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-5), "{times:?}");
 }
 
 /// With a wall of images in the midst that are of another place, the sensor is lost there, and finds back.
@@ -402,5 +475,56 @@ fn a_log_of_a_laser_is_matched_in_the_plane() {
     assert!(compare(&given, estimated.grid(), 1).shares()[1] > 0.95);
     std::fs::write(&file, "no log\n").unwrap();
     let refused = elk.launch_and_fail(&mission(""));
-    assert!(refused.contains("there is no scan in it; right is a CARMEN log with FLASER lines"), "{refused}");
+    assert!(
+        refused.contains("there is no scan in it; right is a CARMEN log with FLASER or ROBOTLASER1 lines"),
+        "{refused}"
+    );
+}
+
+/// Regression: whatever a laser saw was taken to lie over 180°, and mapped elsewhere than it was.
+#[test]
+fn a_laser_sees_as_far_around_as_it_says() {
+    let elk = Elk::new("recorded-fan");
+    let (beams, fov) = (1080, 1.5 * PI);
+    let [x, y, angle] = [1.5, 1.5, 0.4];
+    let ranges = (0..beams).map(|beam| range([x, y], angle + fov * (f64::from(beam) / f64::from(beams) - 0.5)));
+    let ranges: Vec<String> = ranges.map(|range| format!("{range:.4}")).collect();
+    let ranges = ranges.join(" ");
+    let file = elk.folder().join("room.log");
+    let mission = |more: &str| {
+        format!(
+            "<Scenario name=\"Room\" type=\"auto\" version=\"1\">
+                <Sensor type=\"Laser2D\"> <Recording> {} </Recording> {more} </Sensor>
+                <Map type=\"OctoMap\"> <Res> 0.1 m </Res> </Map> <Controller type=\"Playback\"/>
+            </Scenario>",
+            file.display()
+        )
+    };
+    let older = format!("FLASER {beams} {ranges} {x} {y} {angle} {x} {y} {angle} 1 host 1\n");
+    // What is as far away as this laser sees, it does not see.
+    let newer = format!(
+        "ROBOTLASER1 4 {} {fov} {} 4.0 0.01 0 {beams} {ranges} 0 {x} {y} {angle} {x} {y} {angle} 0 0 0.3 0.3 0 1 host 1\n",
+        -fov / 2.0,
+        fov / f64::from(beams)
+    );
+    for (log, more, logs, range_m) in [(older, "<Fov> 270 deg </Fov>", "older", 30.0), (newer, "", "newer", 4.0)] {
+        std::fs::write(&file, log).unwrap();
+        let said = play(&elk, &mission(more), logs);
+        assert!(said.contains("1 scans of 1 frames"), "{said}");
+        let mut log = LogReader::open(&elk.run_in(logs)).unwrap();
+        let scan = log.by_ref().map(Result::unwrap).find(|record| record.key == SCAN.name()).unwrap();
+        let scan = scan.value.as_ref().decode(&SCAN).unwrap();
+        assert!((scan.camera.fov_x - fov).abs() < 1e-9 && (scan.camera.range_m - range_m).abs() < 1e-6);
+        assert_eq!(scan.points.len() + scan.no_return.len(), beams as usize);
+        assert_eq!(!scan.no_return.is_empty(), range_m < 5.0);
+        let walls = |point: Point3<f64>| {
+            let outer = [point.x, 6.0 - point.x, point.y, 4.0 - point.y].into_iter().fold(f64::INFINITY, f64::min);
+            let pillar = (2.6 - point.x).max(point.x - 3.1).max(2.8 - point.y).max(point.y - 3.2).abs();
+            outer.abs().min(pillar)
+        };
+        let off = scan.world_points().map(|point| walls(point.cast())).fold(0.0, f64::max);
+        assert!(off < 1e-3, "{logs}: a point {off} m off every wall");
+    }
+    let refused = elk.launch_and_fail(&mission("<Fov> 400 deg </Fov>"));
+    assert!(refused.contains("Fov") && refused.contains("360"), "{refused}");
 }

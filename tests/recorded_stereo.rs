@@ -277,7 +277,9 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
     write(&file("cam1", 6), &PAIRS[6][0]);
     std::fs::copy(file("cam0", 7), recording.join("cam0/today.png")).unwrap();
     std::fs::copy(file("cam1", 7), recording.join("cam1/today.png")).unwrap();
-    for (how, logs) in [("", "given"), (ODOMETRY, "estimated")] {
+    spoil(&recording.join("groundtruth.txt"), 10, "1 2 3");
+    let counted = [("", "given", "4 scans of 11 frames, 7"), (ODOMETRY, "estimated", "5 scans of 11 frames, 6")];
+    for (how, logs, counted) in counted {
         let (code, words) = play(&elk, &mission(&recording, how), logs);
         for expected in [
             format!("{}: there is no {}: both images of a pair have one name", stamp(1), file("cam1", 1).display()),
@@ -287,13 +289,49 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
             "only 0.00 % of all pixels match (too little texture".to_owned(),
             "the other way round in".to_owned(),
             "today.png: its name is no time; nanoseconds, as EuRoC has them, would be right".to_owned(),
-            "5 scans of 11 frames, 6 could not be used".to_owned(),
+            "groundtruth.txt: line 10: 3 numbers: a time, a position and a quaternion, 8, would be right; it is left out"
+                .to_owned(),
+            format!("{counted} could not be used"),
         ] {
             assert!(words.contains(&expected), "{how}: {expected}: {words}");
         }
+        // Only who goes by the recorded poses misses one.
+        let missed = format!("{}: groundtruth.txt has no pose within 0.02 s of ", stamp(8));
+        assert_eq!(words.contains(&missed) && words.contains("(line 10: 3 numbers: a time"), how.is_empty(), "{words}");
         assert_eq!(code, Some(0), "the others make a map: {words}");
     }
     assert!(summary_of(&elk.run_in("estimated"))["position_error_m"].as_f64().unwrap() < 0.02);
+
+    // KITTI's lists have a line for each pair, an empty one among them.
+    let numbered = kitti(&elk.folder().join("numbered"));
+    spoil(&numbered.join("poses.txt"), 2, "1 0 0 0 0 1 0 0 0 0 2 0");
+    spoil(&numbered.join("poses.txt"), 4, "");
+    spoil(&numbered.join("times.txt"), 3, "noon");
+    for (how, logs, counted) in
+        [("", "kitti-given", "2 scans of 5 frames, 3"), (ODOMETRY, "kitti-estimated", "4 scans of 5 frames, 1")]
+    {
+        let (code, words) = play(&elk, &mission(&numbered, &format!("<Frames> 5 </Frames> {how}")), logs);
+        assert_eq!(code, Some(0), "{words}");
+        assert!(words.contains("000002.png: times.txt: line 3: \"noon\" is no time"), "{words}");
+        for line in ["000001.png: poses.txt: line 2: no pose: columns", "000003.png: poses.txt: line 4: 0 numbers"] {
+            assert_eq!(words.contains(line), how.is_empty(), "{line}: {words}");
+        }
+        assert!(words.contains(&format!("{counted} could not be used")), "{words}");
+        let wanted: &[usize] = if how.is_empty() { &[0, 4] } else { &[0, 1, 3, 4] };
+        let scans = scans(&elk, logs);
+        let off = wanted.iter().zip(&scans).map(|(i, scan)| {
+            let way = |first: Isometry3<f64>, here: Isometry3<f64>| (first.inverse() * here).translation.vector;
+            (way(place(0).0, place(*i).0) - way(scans[0].pose.0, scan.pose.0)).norm()
+        });
+        assert!(scans.len() == wanted.len() && off.fold(0.0, f64::max) < 0.02, "each scan has the pose of its pair");
+    }
+}
+
+/// Writes `to` in place of a line of a list, counted from 1.
+fn spoil(list: &Path, line: usize, to: &str) {
+    let text = std::fs::read_to_string(list).unwrap();
+    let lines = text.lines().enumerate().map(|(i, said)| if i + 1 == line { to } else { said });
+    std::fs::write(list, lines.collect::<Vec<_>>().join("\n") + "\n").unwrap();
 }
 
 /// The second half is of another room: the odometry looks for what it knows, gives it up after a while, and then nothing tells where
@@ -363,7 +401,7 @@ fn recordings_that_are_none_start_nothing_and_say_what_would_be_right() {
     calibrate(&yaml(BASELINE_M), &yaml(0.0));
     refused(&pairs, "the right camera is -0.120 m right");
     std::fs::remove_file(pairs.join("cam1.yaml")).unwrap();
-    refused(&pairs, "cam1.yaml: No such file");
+    refused(&pairs, "cam1.yaml: No such file or directory (os error 2); right is a folder of cam0 and cam1");
     for side in ["cam0", "cam1"] {
         std::fs::remove_dir_all(pairs.join(side)).unwrap();
         std::fs::create_dir(pairs.join(side)).unwrap();

@@ -1,14 +1,21 @@
 //! Logs of 2-D lasers as CARMEN writes them: lines of text, each a message.
 //!
-//! Of these, `FLASER` and `ODOM` are read, all others are passed over:
+//! Of these, `FLASER`, `ROBOTLASER1`, which newer logs have in its place, and `ODOM` are read, all others are passed over:
 //!
 //! ```text
 //! ODOM x y theta tv rv accel ipc_timestamp ipc_hostname logger_timestamp
 //! FLASER num_readings [range_readings] x y theta odom_x odom_y odom_theta ipc_timestamp ipc_hostname logger_timestamp
+//! ROBOTLASER1 laser_type start_angle field_of_view angular_resolution maximum_range accuracy remission_mode
+//!     num_readings [range_readings] num_remissions [remission_values] laser_pose_x laser_pose_y laser_pose_theta
+//!     robot_pose_x robot_pose_y robot_pose_theta laser_tv laser_rv forward_safety_dist side_safety_dist turn_axis
+//!     ipc_timestamp ipc_hostname logger_timestamp
 //! ```
 //!
-//! Metres and radians. The beams of a `FLASER` go from −90° on to the left, evenly over 180°.
+//! Metres and radians (CARMEN's manual, "Logger and Playback"). The beams go to the left. A `FLASER` does not say where its beams are: they
+//! lie evenly over the laser's field of view, half of it on either side of ahead, and that is 180° if nobody says another
+//! ([`Reader::with_field_of_view`]). A `ROBOTLASER1` says the bearing of its first beam, and over what its beams lie.
 
+use std::f64::consts::{PI, TAU};
 use std::io::{BufRead, Read};
 
 use nalgebra::{Isometry2, Point2, Vector2};
@@ -22,17 +29,56 @@ pub struct LaserScan {
     pub time: Option<f64>,
     /// Ranges of the beams, metres, from right to left. What a beam without return reads is the laser's own: mostly the largest range.
     pub ranges: Vec<f32>,
+    /// Where the beams are.
+    pub fan: Fan,
+    /// The range that a beam without return reads at least, metres, where the line says it.
+    pub range_max: Option<f32>,
     /// Where the laser was, as the log says: in logs that were corrected, by whatever corrected them.
     pub pose: Isometry2<f64>,
     /// Where wheels say that it was: the motions of the log's `ODOM` lines one after the other, or what the scan says itself where there are none.
     pub odometry: Isometry2<f64>,
 }
 
+/// Where the beams of a scan are: evenly one after the other, to the left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fan {
+    /// The bearing of the first beam, radians, 0 ahead and positive to the left.
+    pub start: f64,
+    /// From a beam to the next, radians.
+    pub step: f64,
+    /// What all of them cover, radians.
+    pub field_of_view: f64,
+}
+
+impl Fan {
+    /// Of so many beams over a field of view (radians) with its middle ahead: with an even number each has its share of it, with an odd one the
+    /// outermost are so far apart.
+    fn even(beams: usize, field_of_view: f64) -> Self {
+        let shares = beams - beams % 2;
+        Self { start: -field_of_view / 2.0, step: field_of_view / shares.max(1) as f64, field_of_view }
+    }
+
+    /// Of so many beams, as a line says it: the resolution, which is rounded there, tells whether each beam has its share of the field of view, or
+    /// the outermost are so far apart.
+    fn said(beams: usize, start: f64, field_of_view: f64, resolution: f64) -> Result<Self, Fault> {
+        let unfit = || Fault::Fan { beams, start, field_of_view, resolution };
+        if start.abs() > TAU || !(field_of_view > 0.0 && field_of_view < TAU + ROUNDED) {
+            return Err(unfit());
+        }
+        let steps = [beams, beams - 1].map(|shares| field_of_view / shares.max(1) as f64);
+        let off = |step: f64| (step - resolution).abs();
+        let step = if off(steps[0]) < off(steps[1]) { steps[0] } else { steps[1] };
+        match beams == 1 || off(step) <= ROUNDED * step {
+            true => Ok(Self { start, step, field_of_view }),
+            false => Err(unfit()),
+        }
+    }
+}
+
 impl LaserScan {
-    /// The bearing of a beam, radians, 0 ahead: with an even number of beams each has its share of 180°, with an odd one the outermost are 180° apart.
+    /// The bearing of a beam, radians, 0 ahead and positive to the left.
     pub fn bearing(&self, beam: usize) -> f64 {
-        let shares = self.ranges.len() - self.ranges.len() % 2;
-        std::f64::consts::PI * (beam as f64 / shares.max(1) as f64 - 0.5)
+        self.fan.start + beam as f64 * self.fan.step
     }
 
     /// The points that the beams hit nearer than `range_max` metres, in the laser's frame: x ahead, y to the left.
@@ -90,6 +136,33 @@ pub enum Fault {
         /// How many it says it has.
         found: String,
     },
+    /// A number of remissions that is none.
+    #[error("{found:?} remissions: 0 to {MAX_BEAMS} would be right")]
+    Remissions {
+        /// How many it says it has.
+        found: String,
+    },
+    /// A laser that sees nothing.
+    #[error("a largest range of {found} m: one above 0 would be right")]
+    Reach {
+        /// The range, metres.
+        found: f64,
+    },
+    /// Beams that lie over no such field of view.
+    #[error(
+        "{beams} beams from {start} rad on, {resolution} rad from one to the next, over {field_of_view} rad: a field of view of 6.2832 rad (360°) \
+         at most would be right, that as many steps of this resolution fill, or one less"
+    )]
+    Fan {
+        /// How many beams there are.
+        beams: usize,
+        /// The bearing of the first, radians.
+        start: f64,
+        /// What they should cover, radians.
+        field_of_view: f64,
+        /// From one to the next, radians.
+        resolution: f64,
+    },
     /// A line that is not as long as its kind is.
     #[error("{kind} with {found} words: {wanted} would be right")]
     Words {
@@ -130,6 +203,9 @@ pub const MAX_LINE: u64 = 1 << 18;
 /// empty lines in a megabyte.
 pub const MAX_APART: u64 = 1 << 24;
 
+/// By so much, as a share, a resolution and a whole turn may be off: logs round them.
+const ROUNDED: f64 = 0.01;
+
 /// The scans of a log, one by one. A line that cannot be used is an error, and the next one goes on behind it; whoever counts the errors knows how many
 /// were left out.
 pub struct Reader<R> {
@@ -141,6 +217,8 @@ pub struct Reader<R> {
     is_over: bool,
     last_time: Option<f64>,
     reckoning: Reckoning,
+    /// Of a `FLASER`, radians.
+    field_of_view: f64,
 }
 
 /// Where wheels say that the robot is.
@@ -170,8 +248,13 @@ impl Reckoning {
 impl<R: BufRead> Reader<R> {
     /// Of a log that errors call so.
     pub fn new(log: impl Into<String>, input: R) -> Self {
-        let log = log.into();
-        Self { log, input, line: 0, apart: 0, is_over: false, last_time: None, reckoning: Reckoning::default() }
+        let (log, reckoning) = (log.into(), Reckoning::default());
+        Self { log, input, line: 0, apart: 0, is_over: false, last_time: None, reckoning, field_of_view: PI }
+    }
+
+    /// With this field of view (radians, up to 2π) of the laser whose lines do not say theirs.
+    pub fn with_field_of_view(self, field_of_view: f64) -> Self {
+        Self { field_of_view, ..self }
     }
 
     /// The next line; none at the end.
@@ -217,16 +300,44 @@ impl<R: BufRead> Reader<R> {
                 Ok(None)
             }
             Some(&"FLASER") => self.laser(&words).map(Some),
+            Some(&"ROBOTLASER1") => self.robot_laser(&words).map(Some),
             _ => Ok(None),
         }
     }
 
     fn laser(&mut self, words: &[&str]) -> Result<LaserScan, Fault> {
-        let said = words.get(1).copied().unwrap_or_default();
-        let beams = said.parse().ok().filter(|beams| (1..=MAX_BEAMS).contains(beams));
-        let beams: usize = beams.ok_or_else(|| Fault::Beams { found: said.to_owned() })?;
+        let beams = beams(words, 1)?;
         count("FLASER", words, beams + 11)?;
         let (ranges, rest) = words[2..].split_at(beams);
+        self.taken(ranges, Fan::even(beams, self.field_of_view), None, rest, rest[6])
+    }
+
+    fn robot_laser(&mut self, words: &[&str]) -> Result<LaserScan, Fault> {
+        let beams = beams(words, 8)?;
+        let said = words.get(9 + beams).copied().unwrap_or_default();
+        let remissions = said.parse().ok().filter(|remissions| *remissions <= MAX_BEAMS);
+        let remissions: usize = remissions.ok_or_else(|| Fault::Remissions { found: said.to_owned() })?;
+        count("ROBOTLASER1", words, beams + remissions + 24)?;
+        let [start, field_of_view, resolution] = [2, 3, 4].map(|word| number("an angle", words[word]));
+        let fan = Fan::said(beams, start?, field_of_view?, resolution?)?;
+        let range_max = match number("a largest range", words[5])? {
+            found if found > 0.0 => found as f32,
+            found => return Err(Fault::Reach { found }),
+        };
+        let (ranges, rest) = words[9..].split_at(beams);
+        let rest = &rest[1 + remissions..];
+        self.taken(ranges, fan, Some(range_max), rest, rest[11])
+    }
+
+    /// A scan of these ranges; `poses`: where the laser and the robot were.
+    fn taken(
+        &mut self,
+        ranges: &[&str],
+        fan: Fan,
+        range_max: Option<f32>,
+        poses: &[&str],
+        time: &str,
+    ) -> Result<LaserScan, Fault> {
         let range = |(beam, word): (usize, &&str)| {
             let found: f64 = word.parse().map_err(|_| Fault::Number { what: "a range", found: (*word).to_owned() })?;
             match found.is_finite() && found >= 0.0 {
@@ -235,8 +346,8 @@ impl<R: BufRead> Reader<R> {
             }
         };
         let ranges = ranges.iter().enumerate().map(range).collect::<Result<_, _>>()?;
-        let (pose, own) = (pose(&rest[..3])?, pose(&rest[3..6])?);
-        let time = Some(number("a time", rest[6])?).filter(|&time| time != 0.0);
+        let (pose, own) = (pose(&poses[..3])?, pose(&poses[3..6])?);
+        let time = Some(number("a time", time)?).filter(|&time| time != 0.0);
         self.reckoning.scan = Some(pose);
         if let (Some(found), Some(last)) = (time, self.last_time)
             && found < last
@@ -245,8 +356,15 @@ impl<R: BufRead> Reader<R> {
         }
         self.last_time = time.or(self.last_time);
         let odometry = if self.reckoning.said.is_some() { self.reckoning.pose } else { own };
-        Ok(LaserScan { line: self.line, time, ranges, pose, odometry })
+        Ok(LaserScan { line: self.line, time, ranges, fan, range_max, pose, odometry })
     }
+}
+
+/// The number of beams that the word at `place` says.
+fn beams(words: &[&str], place: usize) -> Result<usize, Fault> {
+    let said = words.get(place).copied().unwrap_or_default();
+    let beams = said.parse().ok().filter(|beams| (1..=MAX_BEAMS).contains(beams));
+    beams.ok_or_else(|| Fault::Beams { found: said.to_owned() })
 }
 
 fn count(kind: &'static str, words: &[&str], wanted: usize) -> Result<(), Fault> {
@@ -334,6 +452,83 @@ mod tests {
         );
         let bearings = [0, 1].map(|beam| scans[1].bearing(beam).to_degrees());
         assert!((bearings[0] + 90.0).abs() < 1e-9 && bearings[1].abs() < 1e-9, "{bearings:?}");
+    }
+
+    /// Regression: whatever a laser saw was taken to lie over 180°.
+    #[test]
+    fn beams_lie_over_the_field_of_view_that_the_laser_has() {
+        let scan = |beams: usize| format!("FLASER {beams}{} 0 0 0 0 0 0 0 host 0", " 1".repeat(beams));
+        let bearings = |beams: usize, degrees: f64| {
+            let log = scan(beams);
+            let reader = Reader::new("a.log", log.as_bytes()).with_field_of_view(degrees.to_radians());
+            let scan = reader.map(Result::unwrap).next().unwrap();
+            [0, beams - 1].map(|beam| scan.bearing(beam).to_degrees())
+        };
+        for (beams, degrees, wanted) in
+            [(1081, 270.0, [-135.0, 135.0]), (1080, 270.0, [-135.0, 134.75]), (360, 360.0, [-180.0, 179.0])]
+        {
+            let found = bearings(beams, degrees);
+            assert!((0..2).all(|i| (found[i] - wanted[i]).abs() < 1e-9), "{beams} over {degrees}: {found:?}");
+        }
+    }
+
+    /// A `ROBOTLASER1` of as many beams of 1 m, seen from (1, 2) by a laser that is 0.2 m ahead of the robot, `extra` remissions behind.
+    fn robot_laser(beams: usize, angles: &str, extra: usize) -> String {
+        let (ranges, remissions) = (" 1.0".repeat(beams), " 7".repeat(extra));
+        format!(
+            "ROBOTLASER1 4 {angles} 20.0 0.01 0 {beams}{ranges} {extra}{remissions} 1.2 2 0 1 2 0 0 0 0.3 0.3 0 5.5 host 5.6\n"
+        )
+    }
+
+    #[test]
+    fn a_newer_line_says_its_own_bearings_and_range() {
+        let log = [
+            robot_laser(1081, "-2.356194 4.712389 0.004363", 0),
+            robot_laser(540, "-2.356194 4.712389 0.008727", 540),
+            robot_laser(181, "-1.570796 3.141593 0.0175", 0),
+            robot_laser(360, "-3.141593 6.283185 0.017453", 0),
+            robot_laser(90, "0 1.570796 0.017453", 0),
+        ];
+        let (scans, errors) = read(&log.concat());
+        assert_eq!(errors, Vec::<String>::new());
+        let ends = scans.iter().map(|scan| [0, scan.ranges.len() - 1].map(|beam| scan.bearing(beam).to_degrees()));
+        let wanted = [[-135.0, 135.0], [-135.0, 134.5], [-90.0, 90.0], [-180.0, 179.0], [0.0, 89.0]];
+        for (found, wanted) in ends.zip(wanted) {
+            assert!((0..2).all(|i| (found[i] - wanted[i]).abs() < 1e-4), "{found:?} is not {wanted:?}");
+        }
+        let LaserScan { pose, odometry, time, range_max, .. } = &scans[1];
+        assert_eq!((*pose, *odometry), (Isometry2::translation(1.2, 2.0), Isometry2::translation(1.0, 2.0)));
+        assert_eq!((*time, *range_max), (Some(5.5), Some(20.0)));
+    }
+
+    #[test]
+    fn newer_lines_that_are_none_are_said() {
+        let whole = robot_laser(3, "-1.570796 3.141593 1.5708", 0);
+        let log = [
+            robot_laser(0, "-1.57 3.14 0.01", 0),
+            robot_laser(181, "-1.570796 3.141593 0.008727", 0),
+            robot_laser(3, "-1.570796 nan 1.5708", 0),
+            robot_laser(3, "-1.570796 6.9 3.45", 0),
+            whole.replace(" 20.0 ", " 0 "),
+            whole.replace(" 0 1.2", " -1 1.2"),
+            whole.replace(" 5.5 ", " "),
+            whole.clone(),
+        ];
+        let (scans, errors) = read(&log.concat());
+        let wanted = [
+            "a.log:1: a scan of 0 beams",
+            "a.log:2: 181 beams from -1.570796 rad on, 0.008727 rad from one to the next, over 3.141593 rad: a field of",
+            "a.log:3: \"nan\" as an angle",
+            "a.log:4: 3 beams from -1.570796 rad on, 3.45 rad",
+            "a.log:5: a largest range of 0 m: one above 0 would be right",
+            "a.log:6: \"-1\" remissions: 0 to 10000 would be right",
+            "a.log:7: ROBOTLASER1 with 26 words: 27 would be right",
+        ];
+        assert!(
+            errors.len() == 7 && errors.iter().zip(wanted).all(|(said, wanted)| said.starts_with(wanted)),
+            "{errors:#?}"
+        );
+        assert_eq!(scans.len(), 1);
     }
 
     #[test]

@@ -112,7 +112,7 @@ impl Robot {
         match &self.carrier {
             Carrier::Commanded(source) => source.remarks(),
             Carrier::Estimated(localised) => localised.remarks(),
-            Carrier::Recorded(_) => Vec::new(),
+            Carrier::Recorded(player) => player.remarks(),
         }
     }
 

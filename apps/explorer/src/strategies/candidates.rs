@@ -11,7 +11,7 @@
 
 mod kept;
 mod lots;
-mod sightings;
+pub mod sightings;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

@@ -17,13 +17,19 @@ const PARAMS: &[ParamSpec] = &[
         name: "Recording",
         kind: Kind::File { builtin: &[], at_once: false },
         default: None,
-        doc: "The log, of CARMEN: its FLASER lines are frames, its ODOM lines odometry, from whose motion ICP begins; .gz or not.",
+        doc: "The log, of CARMEN: its FLASER or ROBOTLASER1 lines are frames, its ODOM lines odometry, from whose motion ICP begins; .gz or not.",
     },
     param(
         "Range",
         Kind::Number { unit: "m", min: 0.1, max: 1000.0 },
         "30",
-        "How far the laser sees: a beam that reads as much or more has no return.",
+        "How far the laser sees: a beam that reads as much or more has no return; ROBOTLASER1 lines may say less.",
+    ),
+    param(
+        "Fov",
+        Kind::Number { unit: "deg", min: 1.0, max: 360.0 },
+        "180",
+        "The laser's field of view, half of it to the left; ROBOTLASER1 lines say their own.",
     ),
     param(
         "Height",
@@ -53,6 +59,7 @@ pub const TYPE: AppType = AppType {
 fn player(params: &Params) -> Result<Player, AppError> {
     let settings = Settings {
         range: params.number("Range") as f32,
+        field_of_view: params.number("Fov").to_radians(),
         height: params.number("Height"),
         frame_rate: params.number("FrameRate"),
     };

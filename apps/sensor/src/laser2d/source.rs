@@ -25,6 +25,8 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub struct Settings {
     /// A beam that reads as much (m) or more has no return.
     pub range: f32,
+    /// Its field of view (rad), of a log that does not say it: its middle is ahead.
+    pub field_of_view: f64,
     /// Where the laser's plane is (m, world z).
     pub height: f64,
     /// Frames a second, where no times are recorded.
@@ -47,7 +49,7 @@ pub enum LogError {
     },
     /// There is no scan in it.
     #[error(
-        "{}: there is no scan in it{first}; right is a CARMEN log with FLASER lines, .gz or not", .log.display()
+        "{}: there is no scan in it{first}; right is a CARMEN log with FLASER or ROBOTLASER1 lines, .gz or not", .log.display()
     )]
     Empty {
         /// The log.
@@ -81,7 +83,7 @@ impl Laser2d {
     pub fn open(log: &Path, settings: Settings) -> Result<Self, LogError> {
         let missing = |why| LogError::Missing { log: log.to_owned(), why };
         let name = log.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mut reader = Reader::new(&name, text(log).map_err(missing)?);
+        let mut reader = Reader::new(&name, text(log).map_err(missing)?).with_field_of_view(settings.field_of_view);
         let mut ahead: VecDeque<_> = VecDeque::new();
         let first = loop {
             match reader.next() {
@@ -94,10 +96,9 @@ impl Laser2d {
                 }
             }
         };
-        let range_m = f64::from(settings.range);
-        let columns = first.ranges.len() as u32;
-        let camera =
-            CameraInfo { columns, rows: 1, fov_x: std::f64::consts::PI, fov_y: 0.0, range_m, inverse_depth_sigma: 0.0 };
+        let range_m = f64::from(first.range_max.map_or(settings.range, |range_max| range_max.min(settings.range)));
+        let (columns, fov_x) = (first.ranges.len() as u32, first.fan.field_of_view);
+        let camera = CameraInfo { columns, rows: 1, fov_x, fov_y: 0.0, range_m, inverse_depth_sigma: 0.0 };
         let (start, time) = (in_space(&first.pose, settings.height), first.time);
         ahead.push_back(Ok(first));
         Ok(Self { settings, reader, ahead, name, camera, start, first: time, taken: 0 })
@@ -105,13 +106,17 @@ impl Laser2d {
 
     fn frame(&self, scan: &LaserScan) -> Frame {
         let (mut points, mut no_return) = (Vec::new(), Vec::new());
+        // A beam without return says nothing of what is farther than the laser sees.
+        let seen = scan.range_max.map_or(self.settings.range, |range_max| range_max.min(self.settings.range));
+        let is_as_far = f64::from(seen) >= self.camera.range_m;
         for (beam, &range) in scan.ranges.iter().enumerate().filter(|(_, range)| **range > 0.0) {
             let (sin, cos) = scan.bearing(beam).sin_cos();
             // The camera's z is ahead, its x to the right.
             let direction = Point3::new(-sin as f32, 0.0, cos as f32);
-            match range < self.settings.range {
+            match range < seen {
                 true => points.push(direction * range),
-                false => no_return.push(direction),
+                false if is_as_far => no_return.push(direction),
+                false => {}
             }
         }
         Frame {

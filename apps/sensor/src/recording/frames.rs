@@ -30,4 +30,9 @@ pub trait Recording: Send {
     fn start(&self) -> Pose {
         Pose(Isometry3::identity())
     }
+
+    /// What whoever plays it should know before.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
 }

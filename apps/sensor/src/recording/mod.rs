@@ -10,7 +10,7 @@ mod player;
 mod pose;
 
 pub use folder::FolderError;
-pub(crate) use folder::{MOST_FRAMES, Timed, entries, lines, single};
+pub(crate) use folder::{Line, MOST_FRAMES, Timed, entries, lines, lines_in_order, single};
 pub use frames::Recording;
 #[cfg(test)]
 pub(crate) use player::tests::player as mostly;

@@ -72,6 +72,11 @@ impl Player {
         self.recording.camera()
     }
 
+    /// What whoever looks at the scans should know.
+    pub fn remarks(&self) -> Vec<String> {
+        self.recording.remarks()
+    }
+
     /// Where the last scan was taken (world), or where the recording begins.
     pub fn pose(&self) -> Pose {
         self.last.as_ref().map_or(self.start, |(pose, _)| *pose)

@@ -9,7 +9,7 @@ use elk_spatial::CameraInfo;
 use nalgebra::Isometry3;
 
 use super::depth_image::{DepthImage, depth_image};
-use super::layout::{Listed, frames};
+use super::layout::{Folder, Listed, folder};
 use crate::frame::{BadFrame, Frame};
 use crate::recording::{FolderError, Recording};
 
@@ -36,6 +36,7 @@ pub struct Rgbd {
     /// Columns and rows of its images: those of the first that is one.
     size: [usize; 2],
     start: Pose,
+    remarks: Vec<String>,
 }
 
 impl Rgbd {
@@ -43,8 +44,8 @@ impl Rgbd {
     ///
     /// # Errors
     /// There is none, or none of its images is one.
-    pub fn open(folder: &Path, settings: Settings) -> Result<Self, FolderError> {
-        let frames = frames(folder)?;
+    pub fn open(path: &Path, settings: Settings) -> Result<Self, FolderError> {
+        let Folder { frames, remarks } = folder(path)?;
         let mut first = None;
         for frame in &frames {
             match image(frame) {
@@ -52,13 +53,13 @@ impl Rgbd {
                     let size = [image.width, image.height];
                     let start = frames.iter().find_map(|frame| frame.pose().ok());
                     let start = start.unwrap_or(Pose(Isometry3::identity()));
-                    return Ok(Self { settings, frames, next: 0, size, start });
+                    return Ok(Self { settings, frames, next: 0, size, start, remarks });
                 }
                 Err(why) => first = first.or(Some(format!("{}: {why}", frame.name))),
             }
         }
         let (frames, first) = (frames.len(), first.unwrap_or_default());
-        Err(FolderError::Unusable { folder: folder.to_owned(), images: "depth images", frames, first })
+        Err(FolderError::Unusable { folder: path.to_owned(), images: "depth images", frames, first })
     }
 
     fn frame(&self, frame: &Listed, secs: f64) -> Result<Frame, String> {
@@ -90,7 +91,8 @@ impl Rgbd {
 }
 
 fn image(frame: &Listed) -> Result<DepthImage, String> {
-    let bytes = file::read(frame.depths.as_ref()?, LONGEST_IMAGE).map_err(|error| error.to_string())?;
+    let unread = |error| format!("{error}; right is a PNG of 16 bits grey of this name in the recording's folder");
+    let bytes = file::read(frame.depths.as_ref()?, LONGEST_IMAGE).map_err(unread)?;
     depth_image(&bytes).map_err(|error| error.to_string())
 }
 
@@ -121,5 +123,9 @@ impl Recording for Rgbd {
 
     fn start(&self) -> Pose {
         self.start
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        self.remarks.clone()
     }
 }

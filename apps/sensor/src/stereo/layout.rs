@@ -9,7 +9,9 @@ use nalgebra::{Isometry3, Translation3};
 
 use super::images;
 use crate::pose_estimator::level;
-use crate::recording::{FolderError, MOST_FRAMES, Timed, entries, lines, of_line, of_row_euroc, of_rows, single};
+use crate::recording::{
+    FolderError, Line, MOST_FRAMES, Timed, entries, lines_in_order, of_line, of_row_euroc, of_rows, single,
+};
 
 /// The longest calibration that is read (bytes).
 const LONGEST_CALIBRATION: u64 = 1 << 20;
@@ -44,6 +46,8 @@ pub(super) struct Folder {
     pub posed_from_left: Isometry3<f64>,
     /// In their order.
     pub pairs: Vec<Listed>,
+    /// What whoever plays them should know.
+    pub remarks: Vec<String>,
 }
 
 /// The pairs of a folder, and what took them.
@@ -80,7 +84,7 @@ fn euroc(folder: &Path, names: &BTreeSet<String>) -> Result<Folder, FolderError>
     let yamls =
         sides.map(|side| first_of([folder.join(side).join("sensor.yaml"), folder.join(format!("{side}.yaml"))]));
     let camera = |yaml: &PathBuf| {
-        single(yaml, LONGEST_CALIBRATION, |text| {
+        single(yaml, LONGEST_CALIBRATION, RIGHT, |text| {
             let body_from_camera = calibration::euroc_body_from_camera(text).map_err(|error| error.to_string())?;
             Ok((text.to_owned(), body_from_camera))
         })
@@ -103,7 +107,7 @@ fn euroc(folder: &Path, names: &BTreeSet<String>) -> Result<Folder, FolderError>
         Listed { name: format!("{stem}{PNG}"), images, secs: secs.ok(), pose }
     };
     let pairs = pairs(&images)?.into_iter().map(|(stem, images)| listed(stem, images)).collect();
-    not_empty(folder, Folder { calibration, calibration_name, posed_from_left, pairs })
+    not_empty(folder, Folder { calibration, calibration_name, posed_from_left, pairs, remarks: poses.remarks() })
 }
 
 /// As KITTI's odometry benchmark has them: rectified images by their number, projections, times, and poses of the left camera.
@@ -111,22 +115,15 @@ fn kitti(folder: &Path) -> Result<Folder, FolderError> {
     let pairs = pairs(&["image_0", "image_1"].map(|side| folder.join(side)))?;
     let size = size(folder, &pairs)?;
     let projections = folder.join("calib.txt");
-    let calibration = single(&projections, LONGEST_CALIBRATION, |text| projected(text, size))?;
-    let times = match folder.join("times.txt") {
-        list if list.exists() => Some(lines(&list, MOST_FRAMES, time)?),
-        _ => None,
-    };
-    let poses = match folder.join("poses.txt") {
-        list if list.exists() => Some(lines(&list, MOST_FRAMES, of_rows)?),
-        _ => None,
-    };
+    let calibration = single(&projections, LONGEST_CALIBRATION, RIGHT, |text| projected(text, size))?;
+    let times = in_order(folder.join("times.txt"), time)?;
+    let poses = in_order(folder.join("poses.txt"), of_rows)?;
     let mut last = f64::NEG_INFINITY;
     let mut listed = |(stem, images): (String, Images)| {
-        let line = |what: &str| format!("{what} has no line for it: as many as there are pairs would be right");
         let number = stem.parse::<usize>().map_err(|_| format!("its name is no number; {stem:?} stands there"));
         let secs = match (&times, &number) {
             (None, _) | (_, Err(_)) => None,
-            (Some(times), Ok(number)) => Some(times.get(*number).copied().ok_or_else(|| line("times.txt"))),
+            (Some(times), Ok(number)) => Some(line(times, *number, "times.txt").copied()),
         };
         let backwards = secs
             .iter()
@@ -137,17 +134,29 @@ fn kitti(folder: &Path) -> Result<Folder, FolderError> {
         let pose = match (&poses, &number) {
             (None, _) => Err("there is no poses.txt, so nobody knows where it was taken".to_owned()),
             (_, Err(why)) => Err(why.clone()),
-            (Some(poses), Ok(number)) => {
-                poses.get(*number).map(|pose| Pose(level().0 * pose.0)).ok_or_else(|| line("poses.txt"))
-            }
+            (Some(poses), Ok(number)) => line(poses, *number, "poses.txt").map(|pose| Pose(level().0 * pose.0)),
         };
         let timed = secs.clone().unwrap_or(Ok(0.0)).and(number.map(|_| 0.0));
         let images = backwards.map_or(timed, Err).and(images);
-        Listed { name: format!("{stem}{PNG}"), images, secs: secs.and_then(Result::ok), pose }
+        // A pair without a time is none; until the next one no time goes by.
+        let secs = secs.and_then(|secs| secs.ok().or(Some(last).filter(|last| last.is_finite())));
+        Listed { name: format!("{stem}{PNG}"), images, secs, pose }
     };
     let pairs = pairs.into_iter().map(&mut listed).collect();
-    let calibration_name = projections.display().to_string();
-    not_empty(folder, Folder { calibration, calibration_name, posed_from_left: Isometry3::identity(), pairs })
+    let (calibration_name, posed_from_left) = (projections.display().to_string(), Isometry3::identity());
+    not_empty(folder, Folder { calibration, calibration_name, posed_from_left, pairs, remarks: Vec::new() })
+}
+
+/// The lines of a list that has one for each pair, if there is such a file.
+fn in_order<T>(list: PathBuf, read: impl Fn(&str) -> Result<T, String>) -> Result<Option<Vec<Line<T>>>, FolderError> {
+    list.exists().then(|| lines_in_order(&list, MOST_FRAMES, read)).transpose()
+}
+
+/// What the list `name` says of a pair, or why it does not.
+fn line<'a, T>(lines: &'a [Line<T>], pair: usize, name: &str) -> Result<&'a T, String> {
+    let missing = || format!("{name} has no line for it: as many as there are pairs would be right");
+    let Line { number, said } = lines.get(pair).ok_or_else(missing)?;
+    said.as_ref().map_err(|why| format!("{name}: line {number}: {why}"))
 }
 
 fn not_empty(folder: &Path, found: Folder) -> Result<Folder, FolderError> {

@@ -42,6 +42,7 @@ pub struct Stereo {
     start: Pose,
     /// What became of the last frame's pixels.
     pixel_runs: Vec<PixelRun>,
+    remarks: Vec<String>,
 }
 
 impl Stereo {
@@ -50,7 +51,7 @@ impl Stereo {
     /// # Errors
     /// There is none, or its cameras are no stereo camera.
     pub fn open(path: &Path, settings: Settings, matcher: Box<dyn Matcher + Send>) -> Result<Self, FolderError> {
-        let Folder { calibration, calibration_name, posed_from_left, pairs } = folder(path)?;
+        let Folder { calibration, calibration_name, posed_from_left, pairs, remarks } = folder(path)?;
         let size = calibration.left.size;
         let unfit = |why: String| FolderError::File { file: calibration_name.clone().into(), why };
         let rectification = Rectification::new(&calibration).map_err(|error| unfit(error.to_string()))?;
@@ -78,6 +79,7 @@ impl Stereo {
             next: 0,
             start,
             pixel_runs: Vec::new(),
+            remarks,
         })
     }
 
@@ -144,5 +146,9 @@ impl Recording for Stereo {
 
     fn start(&self) -> Pose {
         self.start
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        self.remarks.clone()
     }
 }

@@ -39,7 +39,8 @@ pub fn sample(view: &View<'_>, lots: Lots) -> Vec<Sighting> {
 }
 
 impl Sighting {
-    fn of(free: &mut Near<'_>, target: &Target) -> Self {
+    /// A frontier voxel of a space whose free voxels are these.
+    pub fn of(free: &mut Near<'_>, target: &Target) -> Self {
         let mut open = |unknown: Voxel| Faces::of(unknown, |_, beside| free.contains(beside));
         let unknown = target.unknown().map(|voxel| (voxel, open(voxel))).filter(|(_, open)| !open.is_empty());
         Self { target: target.voxel, tried: target.tried.clone(), unknown: unknown.collect() }

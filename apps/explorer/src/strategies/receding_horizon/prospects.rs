@@ -1,11 +1,10 @@
 //! What of the frontier is seen from a place, by a camera that turns there.
 
 use elk_geometry::Voxel;
-use elk_geometry::frontier::Faces;
 use elk_geometry::set::Near;
-use elk_geometry::visibility::{entered, hidden, in_sight};
 use nalgebra::Point3;
 
+use super::super::candidates::sightings::Sighting;
 use super::super::groups::{Group, VIEW_M};
 use crate::strategy::View;
 use crate::target::Target;
@@ -50,8 +49,7 @@ impl Sighted {
 struct Prospect<'a> {
     target: &'a Target,
     center: Point3<f64>,
-    /// What is unknown beside it, each with its faces behind which something is free.
-    unknown: Vec<(Voxel, Faces)>,
+    sighting: Sighting,
 }
 
 /// All groups of a plan, ready to be looked at.
@@ -67,12 +65,8 @@ impl<'a> Prospects<'a> {
     pub fn new(view: &View<'a>, groups: &[Group<'a>]) -> Self {
         let mut free = view.space.free.near();
         let prospects = groups.iter().map(|group| {
-            let mut open = |unknown: Voxel| Faces::of(unknown, |_, beside| free.contains(beside));
-            Prospect {
-                target: group.target,
-                center: view.space.center(group.target.voxel),
-                unknown: group.target.unknown().map(|voxel| (voxel, open(voxel))).collect(),
-            }
+            let sighting = Sighting::of(&mut free, group.target);
+            Prospect { target: group.target, center: view.space.center(group.target.voxel), sighting }
         });
         let prospects = prospects.collect();
         let range_m = VIEW_M.min(view.sight.range_m);
@@ -87,7 +81,7 @@ impl<'a> Prospects<'a> {
         let mut sighted = Sighted::default();
         for (group, prospect) in prospects.iter().enumerate() {
             let is_near = (prospect.center - from).norm_squared() <= *range_m * *range_m;
-            if is_near && prospect.is_seen(*resolution, free, place) {
+            if is_near && prospect.sighting.is_seen(*resolution, free, place) {
                 sighted.insert(group);
             }
         }
@@ -103,17 +97,5 @@ impl<'a> Prospects<'a> {
             }
         }
         sighted
-    }
-}
-
-impl Prospect<'_> {
-    fn is_seen(&self, resolution: f64, free: &mut Near<'_>, place: Voxel) -> bool {
-        let from = place.center(resolution);
-        let mut sees = |(unknown, open): &(Voxel, Faces)| {
-            open.meets(entered(place, [*unknown; 2]))
-                && !hidden(free, place, *unknown)
-                && in_sight(resolution, |voxel| free.contains(voxel), from, *unknown)
-        };
-        self.target.untried(place) && self.unknown.iter().any(&mut sees)
     }
 }
