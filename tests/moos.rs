@@ -3,6 +3,7 @@
 mod common;
 
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use common::events::{Patience, once_served};
@@ -10,7 +11,7 @@ use common::small::small;
 use common::{Elk, free_port};
 use elk_bus::moos::client::{ClientError, MoosClient};
 use elk_bus::moos::hello::Manner;
-use elk_bus::{Community, ConnectError};
+use elk_bus::{Community, ConnectError, any};
 use rustix::process::Signal;
 
 /// Connects as soon as the community's broker lets clients of MOOS' in.
@@ -61,6 +62,89 @@ fn a_client_of_moos_follows_a_mission_and_its_broker_s_death() {
     assert_eq!(hear(&mut client, "SENSOR_STATUS")[0], "Sensor", "who was there has come back");
     assert!(is_pose(&hear(&mut client, "SIM_SENSOR")[1]), "the next broker knows which values are texts");
     drop(client);
+    common::kill(mission.id(), Signal::TERM);
+    mission.end();
+    elk.wait_until_deserted();
+}
+
+/// A client of MOOS' that hears numbers, and connects and registers again by itself, as MOOS' clients do.
+struct Follower<'a> {
+    elk: &'a Elk,
+    address: SocketAddr,
+    client: MoosClient,
+    connections: usize,
+    last: f64,
+}
+
+impl<'a> Follower<'a> {
+    fn start(elk: &'a Elk, address: SocketAddr) -> Self {
+        let mut client = connect(elk, address, "uXMS");
+        client.register("N", 0.0);
+        Self { elk, address, client, connections: 1, last: 0.0 }
+    }
+
+    fn look(&mut self) {
+        let mut note = |message: &elk_bus::moos::message::Message<'_>| self.last = message.number;
+        if self.client.receive(Duration::from_millis(1), &mut note).is_err() {
+            let connections = self.connections + 1;
+            *self = Self { connections, ..Self::start(self.elk, self.address) };
+        }
+    }
+}
+
+#[test]
+fn what_elk_s_clients_say_outlives_the_broker_with_a_client_of_moos_beside_them() {
+    const COUNT: u64 = 30_000;
+    let (elk, address) = (Elk::new("moos-death"), free_port());
+    let mission = elk.launch(&small("manual", &format!("<Bus moos=\"{address}\"/>")));
+    let mut moos = Follower::start(&elk, address);
+    let mut reader = elk.join("reader");
+    reader.comms.register(any("N").lossless()).unwrap();
+    // With the answer the registration was taken in.
+    common::lab::table(&mut reader);
+    let (is_killed, is_over) = (AtomicBool::new(false), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let patience = Patience::new();
+            let mut writer = elk.join("writer");
+            for n in 1..=COUNT {
+                writer.comms.notify("N", n as f64).unwrap();
+                if n % 100 == 0 {
+                    writer.comms.flush().unwrap();
+                }
+                // Some is said before the broker's death, some while nobody is there, and some to the next one.
+                while n == COUNT / 3 * 2 && !is_killed.load(Ordering::Relaxed) {
+                    patience.left("the broker's death");
+                    writer.receive(Duration::from_millis(1), |_| {}).unwrap();
+                }
+            }
+            // Whoever has said the last word stays until it was heard.
+            while !is_over.load(Ordering::Relaxed) {
+                patience.left("the last number");
+                writer.receive(Duration::from_millis(1), |_| {}).unwrap();
+            }
+        });
+        let (patience, mut heard) = (Patience::new(), 0);
+        while heard < COUNT || moos.last < COUNT as f64 {
+            patience.left(format_args!("the last number, after {heard}, and of MOOS' client after {}", moos.last));
+            let note = |mail: &elk_bus::Mail<'_>| {
+                // The next broker is asked for its table once more.
+                if mail.key() == "N" {
+                    heard += 1;
+                    assert_eq!(mail.as_double(), Some(heard as f64), "none is missing, and none comes twice");
+                }
+            };
+            reader.receive(Duration::from_millis(1), note).unwrap();
+            moos.look();
+            if heard >= COUNT / 3 && !is_killed.load(Ordering::Relaxed) {
+                common::kill(mission.process_with("db\0--community\0"), Signal::KILL);
+                is_killed.store(true, Ordering::Relaxed);
+            }
+        }
+        is_over.store(true, Ordering::Relaxed);
+    });
+    assert_eq!(moos.connections, 2, "it has connected again");
+    drop((moos, reader));
     common::kill(mission.id(), Signal::TERM);
     mission.end();
     elk.wait_until_deserted();

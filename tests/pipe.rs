@@ -27,13 +27,18 @@ pub struct Steering {
 const STEERING: Key<Steering> = Key::new("STEERING");
 const STEERED: Key<Steering> = Key::new("STEERED");
 
-/// Whether there is Python; the test is skipped by this name if not.
-fn python(test: &str) -> bool {
-    let found = Command::new("python3").arg("--version").output().is_ok_and(|out| out.status.success());
+/// Whether a program is there; the test is skipped by this name if not.
+fn runs(program: &str, test: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success());
     if !found {
-        skip(test, "python3", "python3 does not run");
+        skip(test, program, &format!("{program} does not run"));
     }
     found
+}
+
+/// … Python.
+fn python(test: &str) -> bool {
+    runs("python3", test)
 }
 
 /// What every program here in Python begins with.
@@ -125,6 +130,36 @@ fn a_program_in_a_shell_answers_and_outlives_the_broker() {
     hear(&mut asker, "an answer over the next broker", |mail| mail.as_double().filter(|number| *number == 41.0));
     kill(app.id(), Signal::TERM);
     assert_eq!(app.end().0, Some(0));
+}
+
+/// Each value comes back with the angle the other way round, every wheel twice as far.
+const NODE: &str = r"
+const lines = require('node:readline').createInterface({ input: process.stdin });
+const say = line => process.stdout.write(JSON.stringify(line) + '\n');
+lines.on('line', line => {
+    const { mail, value } = JSON.parse(line);
+    if (mail !== 'STEERING') return;
+    say({ publish: 'STEERED', value: { angle: -value.angle, wheels: value.wheels.map(wheel => 2 * wheel) } });
+});";
+
+#[test]
+fn a_program_in_node_answers_with_values_of_a_type() {
+    if !runs("node", "pipe node") {
+        return;
+    }
+    let mut stage = Stage::new("pipe-node", &["--subscribe", "STEERING"], &["node", "-e", NODE]);
+    let mut asker = stage.elk.join("asker");
+    asker.comms.register(&STEERED).unwrap();
+    asker.comms.flush().unwrap();
+    stage.wait_for_app();
+    for angle in [0.1 + 0.2, -1e-300] {
+        asker.comms.publish(&STEERING, &Steering { angle, wheels: vec![0.1, -1.5] }).unwrap();
+        asker.comms.flush().unwrap();
+        let heard = hear(&mut asker, "STEERED", |mail| mail.is(&STEERED).then(|| mail.decode(&STEERED).unwrap()));
+        assert_eq!(heard, Steering { angle: -angle, wheels: vec![0.2, -3.0] }, "to the bit");
+    }
+    kill(stage.app.id(), Signal::TERM);
+    assert_eq!(stage.app.end().0, Some(0));
 }
 
 #[test]
