@@ -298,6 +298,7 @@ fn lies(request: u64, revision: u64) -> impl Iterator<Item = Plan> {
         early_stop: false,
         look_at_target: false,
         clearance_m,
+        level: false,
     };
     let short = move || path(vec![near(0.0), near(0.5)]);
     [

@@ -365,6 +365,7 @@ fn long_lies() -> Vec<(String, Value)> {
         early_stop: false,
         look_at_target: false,
         clearance_m: 0.0,
+        level: false,
     };
     let plan = |points| Plan {
         request: 1,
@@ -583,9 +584,14 @@ fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
     let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(outlier.whole(), 1) };
     let plan = |points: Vec<Point3<f64>>, clearance_m: f64, revision: u64| {
         let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![] };
-        let scan_spacing_m = 0.01;
-        let motion =
-            MotionPolicy { name: "liar".into(), scan_spacing_m, early_stop: false, look_at_target: false, clearance_m };
+        let motion = MotionPolicy {
+            name: "liar".into(),
+            scan_spacing_m: 0.01,
+            early_stop: false,
+            look_at_target: false,
+            clearance_m,
+            level: false,
+        };
         value(&PLAN, &Plan { request, revision, decision: Decision::Go(path), motion, cpu_secs: 0.0 })
     };
     let here = Point3::new(0.0, 0.0, 0.8);

@@ -17,8 +17,8 @@ use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REV
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
-    Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
-    Progress,
+    Awaited, CameraPose, Decision, Leg, MotionMemory, MotionPolicy, MotionReport, Outcome, Path, Plan, PlanRequest,
+    PoseCommand, Progress,
 };
 use elk_spatial::record::Record;
 use elk_spatial::travel::{Drive, TravelReport};
@@ -514,7 +514,7 @@ enum Next {
 impl Underway {
     /// At the beginning of a plan's path.
     fn new(plan: &Plan, path: &Path, way: Polyline, grid: &OccupancyGrid) -> Result<Self, Unfit> {
-        let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution())?;
+        let clearance = clearance(&plan.motion, grid.resolution())?;
         let refused = way.points().windows(2);
         let refused = refused.flat_map(|p| clearance.refused(grid, p[0], p[1]));
         // More than a successor could be told is not allowed: the path is cut where it comes to it.
@@ -538,7 +538,7 @@ impl Underway {
             return Err(none());
         };
         let way = Polyline::new(path.points.iter().copied()).ok_or_else(none)?;
-        let clearance = Clearance::new(leg.plan.motion.clearance_m, leg.resolution)?;
+        let clearance = clearance(&leg.plan.motion, leg.resolution)?;
         leg.allowed.sort_unstable();
         Ok(Self { leg, path, way, clearance })
     }
@@ -581,8 +581,12 @@ impl Underway {
             return look.map_or_else(|| Pose::looking(position, ahead), |p| *p);
         }
         let target = self.path.target.center(self.leg.resolution);
-        let toward = (target - position).try_normalize(1e-6);
-        match toward.filter(|_| self.leg.plan.motion.look_at_target) {
+        let MotionPolicy { look_at_target, level, .. } = self.leg.plan.motion;
+        let mut toward = target - position;
+        if level {
+            toward.z = 0.0;
+        }
+        match toward.try_normalize(1e-6).filter(|_| look_at_target) {
             Some(direction) => Pose::looking(position, direction),
             None => Pose::looking(position, ahead),
         }
@@ -610,6 +614,12 @@ impl Underway {
         let Leg { done_m, step_m, .. } = self.leg;
         step_m > 0.0 && (self.way.at(done_m - step_m) - position).norm() < 1e-6
     }
+}
+
+/// What a robot keeps clear of that moves so, among voxels of `resolution` (m).
+fn clearance(motion: &MotionPolicy, resolution: f64) -> Result<Clearance, TooWide> {
+    let clearance = Clearance::new(motion.clearance_m, resolution)?;
+    Ok(if motion.level { clearance.in_layer() } else { clearance })
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use std::collections::BTreeSet;
 
 use elk_bus::drawing::Drawing;
 use elk_bus::tell;
+use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Edges;
 use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
 use elk_spatial::CameraInfo;
@@ -68,6 +69,8 @@ pub struct Explorer {
     layer: Option<i32>,
     /// Whether the map is full.
     is_full: bool,
+    /// What the robot keeps clear of; in the settings is what of it the sensor can tell.
+    clearance: Clearance,
 }
 
 impl Explorer {
@@ -83,6 +86,7 @@ impl Explorer {
             volume: settings.bounds,
             layer: None,
             is_full: false,
+            clearance: settings.clearance.clone(),
             settings,
             plans: 0,
             report: None,
@@ -116,7 +120,14 @@ impl Explorer {
 
     /// The scans are taken with this camera, and go into a map of voxels of `resolution` (m).
     pub fn hear_of_camera(&mut self, camera: &CameraInfo, resolution: f64) {
-        self.sight = Sight::of(camera, resolution);
+        let sight =
+            if self.settings.planar { Sight::in_layer(camera, resolution) } else { Sight::of(camera, resolution) };
+        if sight.is_level != self.sight.is_level {
+            // Of what is above and below, a fan never says that it is free.
+            self.settings.clearance = if sight.is_level { self.clearance.in_layer() } else { self.clearance.clone() };
+            self.scene = None;
+        }
+        self.sight = sight;
     }
 
     /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.
@@ -261,7 +272,7 @@ impl Explorer {
             request: request.id,
             revision: known.grid.revision(),
             decision: self.decide(known, request),
-            motion: self.settings.policy.motion(self.settings.radius_m),
+            motion: self.settings.policy.motion(self.settings.radius_m, self.sight.is_level),
             cpu_secs: self.journal.total_secs() - before,
         }
     }

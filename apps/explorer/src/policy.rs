@@ -82,14 +82,15 @@ impl Policy {
         )
     }
 
-    /// What the controller has to know of it.
-    pub fn motion(&self, clearance_m: f64) -> MotionPolicy {
+    /// What the controller has to know of it, and whether the sensor is held `level`.
+    pub fn motion(&self, clearance_m: f64, level: bool) -> MotionPolicy {
         MotionPolicy {
             name: self.name.into(),
             scan_spacing_m: self.scan_spacing_m,
             early_stop: self.early_stop,
             look_at_target: self.look_at_target,
             clearance_m,
+            level,
         }
     }
 
@@ -151,7 +152,7 @@ pub fn looks(space: &Space, known: Known, position: Point3<f64>, target: &Target
     let first = widest(space, known, position, target);
     std::iter::once(first)
         .chain(exact.iter().take(EXACT_LOOKS).map(toward))
-        .map(|direction| Pose::looking(position, direction))
+        .map(|direction| Pose::looking(position, known.sight.held(direction)))
         .collect()
 }
 
@@ -159,7 +160,8 @@ pub fn looks(space: &Space, known: Known, position: Point3<f64>, target: &Target
 fn widest(space: &Space, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
     let toward = |u: &Voxel| (u.center(space.resolution()) - position).try_normalize(1e-9);
     let in_sight = |u: &Voxel| space.sees(position, *u);
-    let Some(axis) = target.unknown().find(in_sight).and_then(|u| toward(&u)) else {
+    let held = |direction: Vector3<f64>| known.sight.held(direction);
+    let Some(axis) = target.unknown().find(in_sight).and_then(|u| toward(&u)).map(held) else {
         return outward(space, known, position, target);
     };
     let around: Vec<Vector3<f64>> =
@@ -167,7 +169,7 @@ fn widest(space: &Space, known: Known, position: Point3<f64>, target: &Target) -
     let sight = known.sight;
     let in_view = |d: &Vector3<f64>| around.iter().filter(|u| sight.covers(d, u)).count();
     let mut best = (0, axis);
-    for direction in tilted(axis, sight.half_angle) {
+    for direction in tilted(axis, sight.half_angle).map(held) {
         let count = in_view(&direction);
         if count > best.0 {
             best = (count, direction);
@@ -224,6 +226,7 @@ mod tests {
     use super::*;
     use crate::sight::Sight;
     use elk_geometry::{Clearance, FrontierSet, OccupancyGrid, State};
+    use elk_spatial::CameraInfo;
 
     /// An L-shaped corridor, 5 voxels wide and high: 30 along x, then 30 along y; its far end is open.
     fn corridor() -> (OccupancyGrid, FrontierSet, Space, Target) {
@@ -294,6 +297,17 @@ mod tests {
         }
         let afar = Voxel::new(27, 2, 2).center(0.1);
         assert!(looks(&space, known, afar, &target)[0].forward().y > 0.99);
+    }
+
+    #[test]
+    fn a_fan_is_held_level_wherever_it_looks() {
+        let (grid, frontier, space, target) = corridor();
+        let fan = CameraInfo { columns: 540, rows: 1, fov_x: 4.0, ..CameraInfo::default() };
+        let at = Point3::new(2.75, 2.3, 0.21);
+        let looks = |sight| looks(&space, Known { grid: &grid, frontier: &frontier, sight }, at, &target);
+        let (level, any) = (looks(Sight::in_layer(&fan, 0.1)), looks(Sight::of(&fan, 0.1)));
+        assert!(level.iter().all(|pose| pose.forward().z.abs() < 1e-12 && pose.forward().y > 0.9), "{level:?}");
+        assert!(any.iter().any(|pose| pose.forward().z > 0.01), "{any:?}");
     }
 
     #[test]

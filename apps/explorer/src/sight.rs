@@ -13,6 +13,8 @@ pub struct Sight {
     pub half_angle: f64,
     /// How far it sees what is there (m), by its range and by its error; infinite: as far as there is anything.
     pub range_m: f64,
+    /// It sees a plane alone, and is held level, so that this is the robot's own layer of voxels.
+    pub is_level: bool,
     /// Of [`Sight::half_angle`]: each voxel near a look is held against it.
     cos_half_angle: f64,
     sin_half_angle: f64,
@@ -21,10 +23,28 @@ pub struct Sight {
 impl Sight {
     /// What a camera is sure to see of voxels of `resolution` (m). Of one that is not known that is what it is aimed at.
     pub fn of(camera: &CameraInfo, resolution: f64) -> Self {
-        let half_angle = (camera.cone_half_angle() - EDGE_MARGIN).max(0.0);
+        Self::within(camera.cone_half_angle(), camera, resolution)
+    }
+
+    /// The same of a robot that stays in its layer of voxels: of a fan that is held level, as wide as that opens.
+    pub fn in_layer(camera: &CameraInfo, resolution: f64) -> Self {
+        match camera.is_fan() {
+            true => Self { is_level: true, ..Self::within(camera.fov_x / 2.0, camera, resolution) },
+            false => Self::of(camera, resolution),
+        }
+    }
+
+    fn within(half_angle: f64, camera: &CameraInfo, resolution: f64) -> Self {
+        let half_angle = (half_angle - EDGE_MARGIN).max(0.0);
         let range_m = camera.reach_m().min(camera.resolves_m(resolution));
         let (sin_half_angle, cos_half_angle) = (half_angle.sin(), half_angle.cos());
-        Self { half_angle, range_m, cos_half_angle, sin_half_angle }
+        Self { half_angle, range_m, is_level: false, cos_half_angle, sin_half_angle }
+    }
+
+    /// The direction (unit vector) in which it looks that is to look in this one: the same, or level.
+    pub fn held(&self, direction: Vector3<f64>) -> Vector3<f64> {
+        let level = || Vector3::new(direction.x, direction.y, 0.0).try_normalize(1e-6).unwrap_or_else(Vector3::x);
+        if self.is_level { level() } else { direction }
     }
 
     /// Whether a camera that looks along `axis` has in view what lies in direction `toward` (unit vectors).
@@ -85,6 +105,20 @@ mod tests {
         assert!(camera(40.0).covers(&axis, &axis) && Sight::default().covers(&axis, &axis));
         assert!((camera(75.0).half_angle.to_degrees() - 35.0).abs() < 1e-9);
         assert_eq!((camera(75.0).range_m, Sight::default().range_m), (4.0, f64::INFINITY));
+    }
+
+    #[test]
+    fn a_fan_that_is_held_level_covers_as_much_as_it_opens() {
+        let fan =
+            CameraInfo { columns: 540, rows: 1, fov_x: 270_f64.to_radians(), range_m: 10.0, ..CameraInfo::default() };
+        let (level, any) = (Sight::in_layer(&fan, 0.1), Sight::of(&fan, 0.1));
+        let at = |degrees: f64| Vector3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0);
+        let covers = |sight: &Sight| [0.0, 100.0, 130.0, 140.0].map(|degrees| sight.covers(&at(0.0), &at(degrees)));
+        assert_eq!((covers(&level), covers(&any)), ([true, true, true, false], [true, false, false, false]));
+        let down = Vector3::new(0.6, 0.0, -0.8);
+        assert_eq!((level.held(down), any.held(down)), (Vector3::x(), down));
+        let camera = CameraInfo { rows: 400, fov_y: 1.0, ..fan };
+        assert_eq!(Sight::in_layer(&camera, 0.1), Sight::of(&camera, 0.1));
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Where depth comes from: one trait, a simulated camera behind it, and the app around it, which is written once.
 //!
 //! [`source`] is the seam: whatever answers "a scan from this pose" is a sensor. [`robot`] carries it where it is sent, and
-//! counts, or, where it is not told where it is, goes by an estimate ([`localised`]); [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
-//! camera in a [`World`](elk_world::World), which is what is truly there, and [`simulated_stereo`] two cameras in one, whose
-//! pictures are matched; [`surroundings`] is what both have in common. A [`recording`] decides itself where its sensor was:
+//! counts, or, where it is not told where it is, goes by an estimate ([`localised`]); [`app`] puts that on the bus, and [`program`] makes a program of it. Three are elk's own: [`simulator`] is a depth
+//! camera in a [`World`](elk_world::World), which is what is truly there, [`simulated_stereo`] two cameras in one, whose
+//! pictures are matched, and [`simulated_laser2d`] a laser; [`surroundings`] is what they have in common. A [`recording`] decides itself where its sensor was:
 //! [`rgbd`] is one of a depth camera, [`laser2d`] one of a laser, [`stereo`] one of two cameras. Where its frames ([`frame`]) were
 //! taken a [`pose_estimator`] says. [`stereo_pair`] is one pair of a real stereo camera, [`matching`] how pairs are matched.
 //!
@@ -32,6 +32,7 @@ pub mod program;
 pub mod recording;
 pub mod rgbd;
 pub mod robot;
+pub mod simulated_laser2d;
 pub mod simulated_stereo;
 pub mod simulator;
 pub mod source;

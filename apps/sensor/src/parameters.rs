@@ -4,7 +4,7 @@ use elk_bus::AppError;
 use elk_mission::{Kind, ParamSpec, Params};
 
 use crate::localised::{Estimating, LookSpacing};
-use crate::pose_estimator::{Drift, DriftingOdometry, MapMatchingSettings};
+use crate::pose_estimator::{Drift, DriftingOdometry, IcpSettings, MapMatchingSettings};
 
 /// A parameter with a default.
 pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
@@ -169,6 +169,19 @@ pub(crate) const SCAN_MATCHING: ParamSpec = param(
     "none",
     "How poses are estimated; none: they are the recorded ones; ICP: from the scans alone, which are matched; the first is the recorded one.",
 );
+
+/// How finely a laser's scans are matched.
+pub(crate) const ICP_VOXEL: ParamSpec = param(
+    "IcpVoxel",
+    Kind::Number { unit: "m", min: 0.005, max: 10.0 },
+    "0.1",
+    "Edge of the voxels by which ICP puts points together.",
+);
+
+/// How a laser's scans are matched in the plane.
+pub(crate) fn level_icp(params: &Params) -> IcpSettings {
+    IcpSettings { voxel: params.number("IcpVoxel"), step: 0.3, turn: 0.3, window: 30 }
+}
 
 /// Whether a recorded sensor's poses are estimated by matching its scans.
 pub(crate) fn matches_scans(params: &Params) -> bool {

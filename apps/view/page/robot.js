@@ -38,16 +38,20 @@ export function dart({ position, quaternion }, size) {
 /** How long the frustum of a camera is drawn that sees as far as there is anything (m). */
 const ENDLESS_M = 1;
 
-/** The four far corners of what the camera sees, from the lower right against the clock as it looks, and its eye. */
+/**
+ * The four far corners of what the camera sees, from the lower right against the clock as it looks, and its eye. Of a fan of more than
+ * half a turn they lie behind it.
+ */
 export function frustumOf({ position, quaternion, camera }) {
-    const [wide, high] = [Math.tan(camera.horizontal / 2), Math.tan(camera.vertical / 2)].map(Math.abs);
+    const half = camera.horizontal / 2;
+    const high = Math.tan(camera.vertical / 2) * Math.cos(half);
     const far = [
         [-1, -1],
         [-1, 1],
         [1, 1],
         [1, -1],
     ].map(([y, z]) => {
-        const ray = [1, y * wide, z * high];
+        const ray = [Math.cos(half), y * Math.sin(half), z * high];
         return place(position, quaternion, scale(ray, (camera.range ?? ENDLESS_M) / length(ray)));
     });
     return { eye: position, far };

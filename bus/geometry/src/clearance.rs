@@ -66,6 +66,13 @@ impl Clearance {
         Ok(Self { rows: rows(&offsets), offsets })
     }
 
+    /// The same in the robot's own layer of voxels alone: what a sensor that sees a plane can say of it. Nothing is known above and
+    /// below.
+    pub fn in_layer(&self) -> Self {
+        let offsets: Vec<Voxel> = self.offsets.iter().copied().filter(|d| d.z == 0).collect();
+        Self { rows: rows(&offsets), offsets }
+    }
+
     /// The neighbours that count, relative to the robot's voxel, in lexicographic order of z, y, x.
     pub fn offsets(&self) -> &[Voxel] {
         &self.offsets
@@ -192,6 +199,16 @@ mod tests {
         assert!(wider.offsets().contains(&Voxel::new(2, 1, 0)));
         assert!(!wider.offsets().contains(&Voxel::new(2, 2, 0)));
         assert_eq!(wider.reach(), 2);
+    }
+
+    #[test]
+    fn in_a_layer_what_is_above_and_below_does_not_count() {
+        let level = Clearance::new(0.15, 0.1).unwrap().in_layer();
+        assert!(level.offsets().iter().all(|d| d.z == 0) && level.offsets().len() == 24, "{:?}", level.offsets());
+        let mut free = VoxelSet::new();
+        (0..7).flat_map(|x| (0..7).map(move |y| Voxel::new(x, y, 3))).for_each(|voxel| drop(free.insert(voxel)));
+        let clear = |clearance: &Clearance| mask::count(&clearance.clear(&free, Voxel::new(0, 0, 0)));
+        assert_eq!((clear(&level), clear(&Clearance::new(0.15, 0.1).unwrap())), (9, 0));
     }
 
     /// Regression: 100 m took more than 4 GB of neighbours, 1,000 m never ended.

@@ -333,6 +333,7 @@ fn spatial() -> Vec<Record> {
         early_stop: true,
         look_at_target: true,
         clearance_m: 0.1,
+        level: false,
     };
     let way = Way {
         points: vec![Point3::new(1.0, 2.0, 0.5), Point3::new(2.0, 2.0, 0.5)],

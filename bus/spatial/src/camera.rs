@@ -46,6 +46,11 @@ impl CameraInfo {
         if self.range_m > 0.0 { self.range_m } else { f64::INFINITY }
     }
 
+    /// Whether it sees a plane alone: it is a laser whose beams are a fan.
+    pub fn is_fan(&self) -> bool {
+        self.rows == 1 && self.fov_x > 0.0 && self.fov_y == 0.0
+    }
+
     /// Half the angle (rad) of the widest cone around the optical axis that is all in the image.
     pub fn cone_half_angle(&self) -> f64 {
         self.fov_x.min(self.fov_y) / 2.0
@@ -62,6 +67,8 @@ mod tests {
         assert_eq!((camera.cone_half_angle(), camera.reach_m()), (0.4, f64::INFINITY));
         assert_eq!(CameraInfo { range_m: 5.0, ..camera }.reach_m(), 5.0);
         assert_eq!(CameraInfo::default().cone_half_angle(), 0.0, "what is not known is not in view");
+        let fan = CameraInfo { columns: 540, rows: 1, fov_x: 4.7, ..CameraInfo::default() };
+        assert_eq!([fan, camera, CameraInfo::default()].map(|camera| camera.is_fan()), [true, false, false]);
     }
 
     #[test]

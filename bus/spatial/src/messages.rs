@@ -520,6 +520,9 @@ pub struct MotionPolicy {
     /// The robot's clearance from occupied voxels (m, see [`elk_geometry::clearance`]): a path that comes closer is cut.
     #[describe(unit = "m", range = checks::CLEARANCES_M)]
     pub clearance_m: f64,
+    /// The sensor sees a plane alone and is kept level on the way; so is the clearance, as what is above and below nobody knows.
+    #[describe(default)]
+    pub level: bool,
 }
 
 /// Frontier voxels that exploration leaves behind, by cause.

@@ -88,7 +88,7 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"id":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"revision":1,"outcome":"First"}"#,
     ),
     Sample::of::<Plan>(
-        r#"{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01}"#,
+        r#"{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2,"level":false},"cpu_secs":0.01}"#,
     ),
     Sample::of::<Progress>(r#"{"scan":1,"revision":1,"scans":1,"path_length_m":2.5,"free":8,"finished":false}"#),
     Sample::of::<MotionReport>(
@@ -113,10 +113,10 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"revision":1,"scan":1,"resolution":0.1,"bricks":[{"brick":[0,0,-1],"known":[3,0,0,0,0,0,0,0],"ever_hit":[2,0,0,0,0,0,0,0],"log_odds":[-0.5,0.75]}]}"#,
     ),
     Sample::of::<MotionMemory>(
-        r#"{"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"awaited":{"Map":{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}},"commands":1,"allowed":1,"steps":0,"last_step":12.5,"requests":1,"path_length_m":2.5,"leg":{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"resolution":0.1,"allowed":[],"done_m":2.5,"step_m":0.5,"ended":null,"looks":0},"drive":{"from":[1.0,2.0,0.5],"yaw":0.5,"pitch":0.0,"rates":[0.5,0.0,0.0,0.25,0.0],"secs":12.5,"stops":0},"samples":[{"scans":1,"free":8,"path_length_m":0.0}]}"#,
+        r#"{"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"awaited":{"Map":{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}},"commands":1,"allowed":1,"steps":0,"last_step":12.5,"requests":1,"path_length_m":2.5,"leg":{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2,"level":false},"cpu_secs":0.01},"resolution":0.1,"allowed":[],"done_m":2.5,"step_m":0.5,"ended":null,"looks":0},"drive":{"from":[1.0,2.0,0.5],"yaw":0.5,"pitch":0.0,"rates":[0.5,0.0,0.0,0.25,0.0],"secs":12.5,"stops":0},"samples":[{"scans":1,"free":8,"path_length_m":0.0}]}"#,
     ),
     Sample::of::<ExplorerMemory>(
-        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":"Level","cpu_secs":[["field",0.5]],"goes_on":false,"lists":{"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"barred":[]},"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
+        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2,"level":false},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":"Level","cpu_secs":[["field",0.5]],"goes_on":false,"lists":{"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"barred":[]},"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
     ),
     Sample::of::<ExplorerPast>(
         r#"{"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[{"x":1,"y":2,"z":5}],"barred":[{"x":1,"y":2,"z":6}]}"#,

@@ -112,6 +112,7 @@ fn plan(request: &PlanRequest, early_stop: bool) -> Plan {
             early_stop,
             look_at_target: true,
             clearance_m: 0.1,
+            level: false,
         },
         cpu_secs: 0.0,
     }
@@ -133,6 +134,21 @@ fn it_scans_every_spacing_passes_every_bend_and_takes_every_look() {
     assert_eq!(bench.commands[7].via, [at(3.2)]);
     assert!(bench.commands[8].pose.forward().y > 0.99, "the second look");
     assert_eq!(asked.pose, bench.commands[8].pose);
+}
+
+/// A fan that is tilted on its way would see another plane.
+#[test]
+fn a_sensor_that_is_held_level_is_so_on_the_way() {
+    let steepest = |level: bool| {
+        let (mut bench, first) = Bench::new();
+        let mut plan = plan(&first, true);
+        let Decision::Go(path) = &mut plan.decision else { unreachable!() };
+        (path.target, plan.motion.level) = (Voxel::new(39, 2, 3), level);
+        bench.follow(&plan);
+        bench.commands.iter().map(|command| command.pose.forward().z).fold(0.0, f64::max)
+    };
+    assert!(steepest(true) < 1e-12);
+    assert!(steepest(false) > 0.01);
 }
 
 #[test]

@@ -334,7 +334,7 @@ pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
     let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES, no_return: false };
     let line = |z| (-20_000..).map(move |x| Voxel::new(x % 32_768, x / 32_768, z)).take(MAX_REMEMBERED - 1);
     let elsewhere = line(30_000).map(|voxel| record(voxel, vec![]));
-    let motion = Policy::elk(0.4).motion(0.1);
+    let motion = Policy::elk(0.4).motion(0.1, false);
     ExplorerMemory {
         goes_on: false,
         plan: Plan { request: 1, revision: MAX_COUNT, decision: Decision::Go(path), motion, cpu_secs: 0.0 },

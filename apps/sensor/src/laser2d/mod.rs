@@ -8,8 +8,8 @@ use elk_bus::AppError;
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 
 use crate::app::recorded;
-use crate::parameters::{RECORDED, SCAN_MATCHING, frames, matches_scans, param};
-use crate::pose_estimator::{IcpSettings, LevelMatching, PoseEstimator, Recorded};
+use crate::parameters::{ICP_VOXEL, RECORDED, SCAN_MATCHING, frames, level_icp, matches_scans, param};
+use crate::pose_estimator::{LevelMatching, PoseEstimator, Recorded};
 use crate::recording::Player;
 
 const PARAMS: &[ParamSpec] = &[
@@ -37,12 +37,7 @@ const PARAMS: &[ParamSpec] = &[
         "0",
         "Where the laser's plane is, along world z.",
     ),
-    param(
-        "IcpVoxel",
-        Kind::Number { unit: "m", min: 0.005, max: 10.0 },
-        "0.1",
-        "Edge of the voxels by which ICP puts points together.",
-    ),
+    ICP_VOXEL,
     SCAN_MATCHING,
 ];
 
@@ -63,9 +58,8 @@ fn player(params: &Params) -> Result<Player, AppError> {
         height: params.number("Height"),
         frame_rate: params.number("FrameRate"),
     };
-    let icp = IcpSettings { voxel: params.number("IcpVoxel"), step: 0.3, turn: 0.3, window: 30 };
     let estimator: Box<dyn PoseEstimator> = match matches_scans(params) {
-        true => Box::new(LevelMatching::new(&icp, settings.height)?),
+        true => Box::new(LevelMatching::new(&level_icp(params), settings.height)?),
         false => Box::new(Recorded),
     };
     let log = Laser2d::open(params.text("Recording").as_ref(), settings)?;

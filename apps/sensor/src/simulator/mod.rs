@@ -25,7 +25,7 @@ pub const TYPE: AppType = AppType {
     summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
     params: &joined::<{ PARAMS.len() + SIMULATED.len() }>(&PARAMS, SIMULATED),
     build: |params| simulated(params, Box::new(parameters::simulator(params)?), estimating(params)?),
-    preflight: Some(surroundings::preflight),
+    preflight: Some(parameters::preflight),
 };
 
 fn estimating(params: &Params) -> Result<Option<Estimating>, AppError> {

@@ -1,12 +1,12 @@
 //! The simulator as a mission file says it.
 
 use elk_bus::AppError;
-use elk_mission::{Kind, ParamSpec, Params};
+use elk_mission::{Kind, Mission, ParamSpec, Params, PreflightReport};
 
 use super::noise::{STEREO_FOCAL_PX, StereoNoise};
 use super::source::{Settings, Simulator};
 use crate::parameters::param;
-use crate::surroundings::{FOV, body, camera, check_pixels, range, seed};
+use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 
@@ -45,6 +45,14 @@ pub(super) const PARAMS: &[ParamSpec] = &[
 pub(super) fn simulator(params: &Params) -> Result<Simulator, AppError> {
     check_pixels(params)?;
     Ok(Simulator::new(body(params)?, settings(params)))
+}
+
+/// Whether a mission can be run with it, looked at before anything starts.
+pub(super) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
+    match check_pixels(params) {
+        Ok(()) => surroundings::preflight(params, mission),
+        Err(error) => PreflightReport::fault(error),
+    }
 }
 
 fn settings(params: &Params) -> Settings {

@@ -35,6 +35,12 @@ impl Body {
         Self { remarks, ..self }
     }
 
+    /// The same, looking level at the start.
+    pub fn level(self) -> Self {
+        let start = Pose::from_yaw_pitch(self.start.position(), self.start.yaw(), 0.0);
+        Self { start, ..self }
+    }
+
     /// The world.
     pub fn world(&self) -> &World {
         &self.world

@@ -1,11 +1,12 @@
 //! Whether a simulated mission can be run in its world, looked at before anything starts.
 
+use elk_bus::AppError;
 use elk_geometry::Bounds;
 use elk_mission::{AppSpec, Mission, Params, PreflightReport, element};
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use nalgebra::{Point3, Vector3};
 
-use super::parameters::{check_pixels, start, world};
+use super::parameters::{start, world};
 
 /// The map's parameters where the mission has a map of another kind.
 const RESOLUTION_M: f64 = 0.1;
@@ -13,13 +14,13 @@ const RESOLUTION_M: f64 = 0.1;
 /// Loads the world, and sees that the robot can start in it, and that map and filters have something of what it sees
 /// there.
 pub(crate) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
-    let looked = check_pixels(params).and_then(|()| {
+    let look = || -> Result<Suitability, AppError> {
         let world = world(params)?;
         let start = start(params, &world)?;
         Ok(suitability(&world, &wanted(start.position(), params, mission)))
-    });
+    };
     let named = |what: String| format!("World {}: {what}", params.text("World"));
-    match looked {
+    match look() {
         Ok(Suitability { faults, warnings }) => PreflightReport {
             faults: faults.into_iter().map(named).collect(),
             warnings: warnings.into_iter().map(named).collect(),
