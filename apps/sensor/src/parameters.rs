@@ -140,7 +140,7 @@ pub(crate) const LOOKING: &[ParamSpec] = &[
 ];
 
 /// Odometry as a mission says it, whose errors are drawn from the sensor's seed.
-fn drift(params: &Params, seed: u64) -> Drift {
+pub(crate) fn drift(params: &Params, seed: u64) -> Drift {
     Drift { way: params.number("DriftWay"), turn: params.number("DriftTurn"), seed }
 }
 

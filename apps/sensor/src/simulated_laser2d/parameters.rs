@@ -6,7 +6,7 @@ use elk_mission::{AppSpec, Kind, Mission, ParamSpec, Params, PreflightReport, Pr
 use super::matched::LaserMatching;
 use super::source::{Settings, SimulatedLaser2d};
 use crate::localised::{Estimating, LookSpacing};
-use crate::parameters::{ICP_VOXEL, drift, level_icp, param};
+use crate::parameters::{ICP_VOXEL, drift, level_icp, look_spacing, param};
 use crate::pose_estimator::{DriftingOdometry, LevelMatching};
 use crate::source::DepthSource;
 use crate::surroundings::{self, body, seed};
@@ -80,8 +80,7 @@ pub(super) fn estimating(params: &Params, laser: &SimulatedLaser2d) -> Result<Op
         }
         "ICP" => {
             let matching = LevelMatching::new(&level_icp(params), laser.start().position().z)?;
-            let spacing =
-                LookSpacing { way_m: params.number("LookWay"), turn_rad: params.number("LookTurn").to_radians() };
+            let spacing = look_spacing(params);
             Some(Estimating::new(LaserMatching::new(laser.clone(), matching), spacing))
         }
         _ => None,
