@@ -206,7 +206,9 @@ mod tests {
         let level = Clearance::new(0.15, 0.1).unwrap().in_layer();
         assert!(level.offsets().iter().all(|d| d.z == 0) && level.offsets().len() == 24, "{:?}", level.offsets());
         let mut free = VoxelSet::new();
-        (0..7).flat_map(|x| (0..7).map(move |y| Voxel::new(x, y, 3))).for_each(|voxel| drop(free.insert(voxel)));
+        (0..7).flat_map(|x| (0..7).map(move |y| Voxel::new(x, y, 3))).for_each(|voxel| {
+            free.insert(voxel);
+        });
         let clear = |clearance: &Clearance| mask::count(&clearance.clear(&free, Voxel::new(0, 0, 0)));
         assert_eq!((clear(&level), clear(&Clearance::new(0.15, 0.1).unwrap())), (9, 0));
     }
