@@ -71,7 +71,7 @@ impl Outcome {
     }
 
     /// A picture as a PNG: the rectified left image, and beside it the disparities, red near and blue far. What was not matched is
-    /// dark, by why not ([`dark`]).
+    /// dark, by why not.
     ///
     /// # Errors
     /// It cannot be encoded.
