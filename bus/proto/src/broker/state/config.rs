@@ -37,12 +37,12 @@ impl BrokerConfig {
 
     /// So many seconds of the wall's in those of the broker's clock. How long a process takes to read, or to be started again,
     /// is a matter of the wall's time, however fast the community's passes.
-    pub(in crate::broker) fn of_wall(&self, secs: f64) -> f64 {
+    pub(crate) fn of_wall(&self, secs: f64) -> f64 {
         secs * self.time_warp
     }
 
     /// How long publishers wait for a lossless registrant (s, of the broker's clock).
-    pub(in crate::broker) fn lossless_patience(&self) -> f64 {
+    pub(crate) fn lossless_patience(&self) -> f64 {
         self.of_wall(self.lossless_patience_secs)
     }
 }
