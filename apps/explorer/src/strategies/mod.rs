@@ -11,6 +11,8 @@ mod information_gain;
 mod potential;
 mod random;
 mod receding_horizon;
+#[cfg(test)]
+mod rooms;
 mod tour;
 mod weighted_information_gain;
 

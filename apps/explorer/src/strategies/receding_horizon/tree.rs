@@ -142,25 +142,11 @@ impl<'a> Tree<'a> {
 
 #[cfg(test)]
 mod tests {
+    use elk_geometry::astar;
     use elk_geometry::random::Random;
-    use elk_geometry::{Clearance, OccupancyGrid, State, astar};
 
     use super::*;
-
-    /// Two rooms of 40 × 20 × 10 voxels, with a door 8 wide at one end of the wall between them.
-    fn rooms() -> Space {
-        let mut grid = OccupancyGrid::new(0.1);
-        for x in -1..41 {
-            for y in -1..42 {
-                for z in -1..11 {
-                    let wall = y == 20 && !(2..10).contains(&x);
-                    let shell = [x, y, z].contains(&-1) || x == 40 || y == 41 || z == 10;
-                    grid.set(Voxel::new(x, y, z), if wall || shell { State::Occupied } else { State::Free });
-                }
-            }
-        }
-        Space::around(&grid, Voxel::new(35, 5, 5), &Clearance::new(0.1, 0.1).unwrap(), (&[], &[]))
-    }
+    use crate::strategies::rooms::rooms;
 
     fn grown(space: &Space, edge_m: f64, most: usize) -> Tree<'_> {
         let mut tree = Tree::new(space, Point3::new(3.52, 0.57, 0.53), edge_m, most);

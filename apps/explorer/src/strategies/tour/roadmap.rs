@@ -104,23 +104,8 @@ fn parts(voxels: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_geometry::{Clearance, OccupancyGrid, State, astar};
-
-    /// Two rooms of 40 × 20 × 10 voxels, with a door 8 wide at one end of the wall between them.
-    fn rooms() -> Space {
-        let mut grid = OccupancyGrid::new(0.1);
-        for x in -1..41 {
-            for y in -1..42 {
-                for z in -1..11 {
-                    let wall = y == 20 && !(2..10).contains(&x);
-                    let shell = [x, y, z].contains(&-1) || x == 40 || y == 41 || z == 10;
-                    let state = if wall || shell { State::Occupied } else { State::Free };
-                    grid.set(Voxel::new(x, y, z), state);
-                }
-            }
-        }
-        Space::around(&grid, Voxel::new(35, 5, 5), &Clearance::default(), (&[], &[]))
-    }
+    use crate::strategies::rooms::rooms;
+    use elk_geometry::astar;
 
     #[test]
     fn ways_are_about_as_long_as_the_shortest_and_lead_through_doors() {
