@@ -115,6 +115,20 @@ pub(crate) fn refined(params: &Params, estimating: Estimating, drift: Drift) -> 
     }
 }
 
+/// No estimate, of a robot that is told where it is.
+///
+/// # Errors
+/// There is none to be made better.
+pub(crate) fn no_estimate(params: &Params) -> Result<Option<Estimating>, AppError> {
+    match is_refined(params) {
+        true => {
+            Err("Refine ICP makes an estimated pose better, and PoseEstimator is none: say Odometry, for example"
+                .into())
+        }
+        false => Ok(None),
+    }
+}
+
 fn is_refined(params: &Params) -> bool {
     params.text("Refine") == "ICP"
 }
@@ -216,4 +230,24 @@ pub(crate) const PATIENCE: ParamSpec = param(
 pub(crate) fn frames(params: &Params) -> Option<u64> {
     // The table keeps it positive.
     Some(params.integer("Frames") as u64).filter(|frames| *frames > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn said(settings: &[(&str, &str)]) -> Params {
+        let settings: Vec<_> = settings.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect();
+        Params::check("Sensor", DEAD_RECKONING, &settings, Path::new("")).unwrap()
+    }
+
+    /// Regression: it was said, and nothing came of it.
+    #[test]
+    fn what_is_not_estimated_is_not_refined() {
+        assert!(no_estimate(&said(&[])).unwrap().is_none());
+        let wrong = no_estimate(&said(&[("Refine", "ICP")])).map(|_| ()).unwrap_err().to_string();
+        assert!(wrong.contains("PoseEstimator is none") && wrong.contains("Odometry"), "{wrong}");
+    }
 }
