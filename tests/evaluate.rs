@@ -8,6 +8,7 @@ use std::process::Output;
 use common::car::car;
 use common::events::end_of;
 use common::{Elk, kill, said, summary_of};
+use elk_spatial::keys::PROGRESS;
 use rustix::process::Signal;
 
 /// Coarse voxels and few pixels, so that a run is over in a moment.
@@ -75,24 +76,49 @@ fn a_suite_comes_to_the_same_on_one_thread_and_on_two_and_from_where_it_was_cut_
     assert_eq!(runs, text(&results("two"), "runs.csv"));
 }
 
+/// Of several strategies, one of them a program of its own: after each scan the same way, at the end the same summary, and the same
+/// map voxel for voxel.
 #[test]
 fn a_run_is_what_the_mission_of_processes_is() {
-    let elk = elk("evaluate-same", &suite(1, ""));
+    let program = format!("{} explorer --type ClosestFrontier", env!("CARGO_BIN_EXE_elk"));
+    let more = format!(
+        "<Explorer type=\"Tour\"/>\n    <Explorer type=\"Random\"/>\n    <Explorer name=\"own\" exec=\"{program}\"/>"
+    );
+    let elk = elk("evaluate-same", &suite(1, &more));
     let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
     assert!(out.status.success(), "{}", said(&out));
-    let csv = text(&elk.folder().join("out"), "runs.csv");
-    let row = |name: &str| cell(&csv, 2, name);
-    assert_eq!((row("strategy"), row("end")), ("pot", "complete"), "{csv}");
-    let mut sets: Vec<String> =
-        COARSE.split(' ').map(|set| set.replace('"', "")).chain(["Explorer.type=Potential".to_owned()]).collect();
-    sets.push(format!("Sensor.Start={}; {}; {}", row("x_m"), row("y_m"), row("z_m")));
-    sets.push(format!("Sensor.StartYaw={}", row("yaw_deg")));
-    sets.push(format!("Sensor.StartPitch={}", row("pitch_deg")));
-    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set.as_str()]).collect();
-    let out = elk.command(&[&["launch", "car.xml", "--headless"], &sets[..]].concat()).output().unwrap();
-    assert!(out.status.success(), "{}", said(&out));
-    let summary = summary_of(&elk.run());
-    let number = |name: &str| summary[name].as_f64().unwrap();
+    let results = elk.folder().join("out");
+    let csv = text(&results, "runs.csv");
+    for (row, strategy, runs) in [
+        (1, "ClosestFrontier", "type=ClosestFrontier"),
+        (2, "pot", "type=Potential"),
+        (3, "Tour", "type=Tour"),
+        (4, "Random", "type=Random"),
+    ] {
+        assert_eq!((cell(&csv, row, "strategy"), cell(&csv, row, "end")), (strategy, "complete"), "{csv}");
+        let logs = format!("{strategy}-logs");
+        let mut sets: Vec<String> =
+            COARSE.split(' ').map(|set| set.replace('"', "")).chain([format!("Explorer.{runs}")]).collect();
+        let number = |name: &str| cell(&csv, row, name);
+        sets.push(format!("Sensor.Start={}; {}; {}", number("x_m"), number("y_m"), number("z_m")));
+        sets.push(format!("Sensor.StartYaw={}", number("yaw_deg")));
+        sets.push(format!("Sensor.StartPitch={}", number("pitch_deg")));
+        let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set.as_str()]).collect();
+        let launch = [&["launch", "car.xml", "--headless", "--log-dir", &logs], &sets[..]].concat();
+        let out = elk.command(&launch).output().unwrap();
+        assert!(out.status.success(), "{}", said(&out));
+        same_run(&elk.run_in(&logs), &csv, row, &text(&results, &format!("traces/{row:05}.csv")));
+    }
+    // But for who explores, and why it says to have ended, the program's row is that of the type.
+    let of = |row: usize| csv.lines().nth(row).unwrap().splitn(4, ',').last().unwrap();
+    assert_eq!(cell(&csv, 5, "strategy"), "own");
+    assert_eq!(of(5), of(1));
+    assert_eq!(text(&results, "traces/00005.csv"), text(&results, "traces/00001.csv"));
+}
+
+/// A mission's run is that of a row of an evaluation, by its summary, its map, and the way after each scan.
+fn same_run(run: &Path, csv: &str, row: usize, trace: &str) {
+    let summary = summary_of(run);
     for (ours, theirs) in [
         ("scans", "scans"),
         ("way_m", "path_length_m"),
@@ -100,7 +126,28 @@ fn a_run_is_what_the_mission_of_processes_is() {
         ("known_voxels", "known_voxels"),
         ("contacts", "contacts"),
     ] {
-        assert_eq!(row(ours).parse::<f64>().unwrap(), number(theirs), "{ours}: {csv}\n{summary}");
+        assert_eq!(cell(csv, row, ours).parse::<f64>().ok(), summary[theirs].as_f64(), "{ours}: {csv}\n{summary}");
+    }
+    assert_eq!(Some(cell(csv, row, "reason")), summary["reason"].as_str(), "{summary}");
+    let scene = elk_picture::Scene::from_log(elk_log::LogReader::open(&run.join("log.mcap")).unwrap()).unwrap();
+    assert_eq!(cell(csv, row, "map"), format!("{:016x}", elk_evaluate::observer::digest(&scene.grid)));
+    let mut progress = Vec::new();
+    for record in elk_log::LogReader::open(&run.join("log.mcap")).unwrap() {
+        let record = record.unwrap();
+        if record.key == PROGRESS.name() {
+            progress.push(record.value.as_ref().decode(&PROGRESS).unwrap());
+        }
+    }
+    assert_eq!(progress.len() + 1, trace.lines().count(), "{trace}");
+    for (n, progress) in progress.iter().enumerate() {
+        let number = |name: &str| cell(trace, n + 1, name).parse::<f64>().unwrap();
+        assert_eq!(
+            (number("way_m"), number("scans")),
+            (progress.path_length_m, progress.scans as f64),
+            "after scan {n}"
+        );
+        let at = scene.scans[progress.scans as usize - 1].position();
+        assert_eq!([number("x_m"), number("y_m"), number("z_m")], [at.x, at.y, at.z], "at scan {n}");
     }
 }
 
@@ -155,6 +202,7 @@ fn what_cannot_be_run_is_said_by_name_and_the_rest_goes_on() {
             "suite.xml:5:5: world own: Sensor.Start cannot be said: an evaluation draws the starts",
         ),
         ("<World mission=\"no-such.xml\"/>", "suite.xml:5:5: world no-such: cannot read the mission file no-such.xml"),
+        ("<Explorer name=\"own\" exec=\"./no-such\"/>", "suite.xml:5:5: explorer own in world car: "),
         ("<Limits scans=\"many\"/>", "suite.xml:5:20: scans is \"many\""),
     ] {
         std::fs::write(elk.folder().join("suite.xml"), suite(1, more)).unwrap();
@@ -162,6 +210,25 @@ fn what_cannot_be_run_is_said_by_name_and_the_rest_goes_on() {
         assert!(out.status.code() == Some(1) && said(&out).contains(right), "{}", said(&out));
     }
     assert!(!elk.folder().join("wrong").exists(), "nothing was started");
+}
+
+/// A program that is on the bus itself and dies, and one that joins and never answers.
+#[test]
+fn a_program_that_fails_is_a_run_that_failed() {
+    let more = "<Explorer name=\"dies\" exec=\"./dies.sh\"/>\n    <Explorer name=\"idles\" exec=\"./idles.sh\"/>\n    \
+                <Limits answer=\"3 s\"/>";
+    let elk = elk("evaluate-dies", &suite(1, more));
+    elk.script("dies.sh", "echo no such luck >&2\nexit 3\n");
+    elk.script("idles.sh", "exec sleep 1000\n");
+    let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
+    let words = said(&out);
+    assert_eq!(out.status.code(), Some(1), "{words}");
+    let dies = "dies: failed: Explorer ended by itself: exit code 3; its last words: no such luck;";
+    assert!(words.contains(dies) && words.contains("pot: complete"), "{words}");
+    assert!(
+        words.contains("idles: failed: nothing came of the program for 3 s: the explorer does not answer"),
+        "{words}"
+    );
 }
 
 #[test]

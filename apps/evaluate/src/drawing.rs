@@ -45,7 +45,7 @@ pub fn curves(worlds: &[(String, Vec<Curves>)], strategies: &[String]) -> String
 fn panel(name: &str, runs: &[Curves], strategies: &[String]) -> String {
     let [left, top, right, bottom] = MARGIN;
     let [width, height] = [PANEL[0] - left - right, PANEL[1] - top - bottom];
-    let ends = runs.iter().flatten().filter_map(|trace| trace.last()).map(|point| point.way_m);
+    let ends = runs.iter().flatten().filter_map(|trace| trace.last()).map(|point| point.mark.way_m);
     let longest = ends.fold(1.0, f64::max);
     let x = |way_m: f64| left + width * way_m / longest;
     let y = |share: f64| top + height * (1.0 - share);
@@ -114,7 +114,7 @@ fn mean_curve(traces: &Curves, longest: f64) -> Vec<(f64, f64)> {
 
 /// What is known after so much of the way.
 fn share_at(trace: &[TracePoint], way_m: f64) -> f64 {
-    let after = trace.partition_point(|point| point.way_m <= way_m);
+    let after = trace.partition_point(|point| point.mark.way_m <= way_m);
     trace.get(after.wrapping_sub(1)).or(trace.first()).map_or(0.0, |point| point.coverage)
 }
 
@@ -163,7 +163,7 @@ pub fn ways(
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-opacity=\"0.8\"/>",
             points.join(" ")
         );
-        let length = way.last().map_or(0.0, |point| point.way_m);
+        let length = way.last().map_or(0.0, |point| point.mark.way_m);
         let words = format!("{}: {length:.1} m", strategies[*strategy]);
         svg += &legend(left + columns + 14.0, top + 12.0 + 18.0 * line as f64, colour, &words);
     }
@@ -189,11 +189,13 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
+    use crate::outcome::Mark;
 
     fn trace(points: &[(f64, f64)]) -> Vec<TracePoint> {
         let point = |(way_m, coverage): &(f64, f64)| TracePoint {
-            way_m: *way_m,
+            mark: Mark { way_m: *way_m, ..Mark::default() },
             coverage: *coverage,
+            surface: 0.0,
             position: Point3::new(*way_m, 0.5, 0.05),
         };
         points.iter().map(point).collect()

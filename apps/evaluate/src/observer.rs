@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use elk_bus::codec::DecodeError;
 use elk_bus::{Client, CommsError, Key, Mail};
-use elk_geometry::{OccupancyGrid, Pose};
+use elk_geometry::{OccupancyGrid, Pose, VoxelSet};
 use elk_spatial::Replica;
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::keys::{
@@ -12,10 +12,12 @@ use elk_spatial::keys::{
     TRAVEL_REPORT, camera_pose,
 };
 use elk_spatial::messages::{CameraPose, ExplorationReport, MotionReport, PoseCommand, Progress};
+use nalgebra::Point3;
 
-use crate::outcome::{End, Outcome, SHARES, Times, TracePoint, area_above, way_to};
+use crate::outcome::{End, Mark, Outcome, SHARES, Times, TracePoint, area_above, last_gain, mark_at};
 use crate::site::Site;
 use crate::suite::Limits;
+use crate::tail::{LATE, Tail};
 use crate::truth::Coverage;
 
 /// Listens to a community.
@@ -29,6 +31,9 @@ pub struct Observer<'a> {
 struct Heard<'a> {
     site: &'a Site,
     coverage: Coverage<'a>,
+    surface: Coverage<'a>,
+    /// What was known, and how many points the trace had, once [`LATE`] of all that is visible was.
+    before_late: Option<(VoxelSet, usize)>,
     map: Replica,
     pose: Option<Pose>,
     command: Option<PoseCommand>,
@@ -68,6 +73,8 @@ impl<'a> Observer<'a> {
         let heard = Heard {
             site,
             coverage: site.truth.coverage(),
+            surface: site.truth.surface_coverage(),
+            before_late: None,
             map: Replica::new(Some(site.truth.resolution()), MAX_BRICKS),
             pose: None,
             command: None,
@@ -138,7 +145,9 @@ impl<'a> Observer<'a> {
             scans: heard.scans,
             plans: heard.exploration.as_ref().map_or(heard.plan_secs.len() as u64, |report| report.plans),
             travel_secs: heard.travel_secs,
-            marks: SHARES.map(|share| way_to(&heard.trace, share)),
+            marks: SHARES.map(|share| mark_at(&heard.trace, share)),
+            last_m: [last_gain(&heard.trace, |point| point.coverage), last_gain(&heard.trace, |point| point.surface)],
+            tail: heard.tail(),
             area_m: area_above(&heard.trace),
             coverage: heard.coverage.share(),
             recall,
@@ -146,7 +155,7 @@ impl<'a> Observer<'a> {
             agreement: None,
             contacts: heard.contacts,
             known: (grid.free() + grid.occupied()) as u64,
-            map: digest(&heard.map),
+            map: digest(grid),
             times: Times::default(),
         };
         (outcome, heard.plan_secs.clone())
@@ -165,6 +174,7 @@ impl Heard<'_> {
                 let update = mail.decode(&MAP_UPDATE)?;
                 if let Ok(Some(changes)) = self.map.take(&update) {
                     self.coverage.update(self.map.grid(), &changes);
+                    self.surface.update(self.map.grid(), &changes);
                 }
             }
             () if mail.is(camera_pose) => self.on_pose(&mail.decode(camera_pose)?),
@@ -201,13 +211,29 @@ impl Heard<'_> {
 
     fn on_progress(&mut self, progress: &Progress) {
         let Some(pose) = self.pose else { return };
-        let point =
-            TracePoint { way_m: progress.path_length_m, coverage: self.coverage.share(), position: pose.position() };
-        self.trace.push(point);
+        let mark = Mark {
+            way_m: progress.path_length_m,
+            rotation_deg: self.rotation_rad.to_degrees(),
+            scans: progress.scans,
+            travel_secs: self.travel_secs,
+        };
+        let (coverage, surface) = (self.coverage.share(), self.surface.share());
+        self.trace.push(TracePoint { mark, coverage, surface, position: pose.position() });
+        if coverage >= LATE && self.before_late.is_none() {
+            self.before_late = Some((self.coverage.known().clone(), self.trace.len()));
+        }
+    }
+
+    /// What of that which was seen late could have been seen earlier.
+    fn tail(&self) -> Option<Tail> {
+        let (known, points) = self.before_late.as_ref()?;
+        let late: VoxelSet = self.coverage.known().iter().filter(|voxel| !known.contains(*voxel)).collect();
+        let way: Vec<Point3<f64>> = self.trace[..*points].iter().map(|point| point.position).collect();
+        Tail::of((&self.site.world, &self.site.truth), self.site.around?.range_m, &way, &late)
     }
 
     fn way_m(&self) -> f64 {
-        let last = self.trace.last().map_or(0.0, |point| point.way_m);
+        let last = self.trace.last().map_or(0.0, |point| point.mark.way_m);
         self.motion.as_ref().map_or(last, |motion| motion.path_length_m)
     }
 
@@ -225,8 +251,8 @@ impl Heard<'_> {
 }
 
 /// FNV-1a of a map's voxels, brick by brick in the order of space.
-fn digest(map: &Replica) -> u64 {
-    let mut bricks: Vec<_> = map.grid().bricks().iter().collect();
+pub fn digest(map: &OccupancyGrid) -> u64 {
+    let mut bricks: Vec<_> = map.bricks().iter().collect();
     bricks.sort_by_key(|(brick, _)| brick.to_array());
     let words = bricks.into_iter().flat_map(|(brick, cells)| {
         let place = brick.to_array().map(|index| index as u64);

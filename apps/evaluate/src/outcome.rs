@@ -1,8 +1,11 @@
 //! What came of a run, and how it is written down.
 
+use std::str::FromStr;
+
 use nalgebra::Point3;
 
 use crate::agreement::Agreement;
+use crate::tail::Tail;
 
 /// Shares of what is truly visible of which it is said how long the way to them was.
 pub const SHARES: [f64; 4] = [0.9, 0.95, 0.99, 0.999];
@@ -52,8 +55,14 @@ pub struct Outcome {
     pub plans: u64,
     /// Time that the robot would be on its way (s); `None`: its controller has neither speed nor turn rate.
     pub travel_secs: Option<f64>,
-    /// Length of the way to each of [`SHARES`] (m); `None`: it was not reached.
-    pub marks: [Option<f64>; 4],
+    /// What it took to each of [`SHARES`]; `None`: it was not reached.
+    pub marks: [Option<Mark>; 4],
+    /// Length of the way to the last visible free voxel, and to the last visible surface voxel, that it came to know (m); `None`: it
+    /// came to know none.
+    pub last_m: [Option<f64>; 2],
+    /// What it saw late could have been seen when; `None`: it did not come as far as [`tail::LATE`](crate::tail::LATE), saw nothing
+    /// later, or nobody knows what its sensor sees.
+    pub tail: Option<Tail>,
     /// Area above the curve of coverage over way (m): the way after which a visible voxel is known, on the mean.
     pub area_m: f64,
     /// Share of what is truly visible that is known at the end (0 to 1).
@@ -86,13 +95,28 @@ pub struct Times {
     pub plan_p99_secs: f64,
 }
 
-/// What was known after a scan, and where the camera was.
+/// What a run had taken by some point of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mark {
+    /// Length of the way (m).
+    pub way_m: f64,
+    /// Rotation of the camera, summed from pose to pose (degrees).
+    pub rotation_deg: f64,
+    /// Scans.
+    pub scans: u64,
+    /// Time on the way (s); `None`: its controller has neither speed nor turn rate.
+    pub travel_secs: Option<f64>,
+}
+
+/// What was known after a scan, what it had taken, and where the camera was.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
-    /// Length of the way by then (m).
-    pub way_m: f64,
-    /// Share of what is truly visible that is known (0 to 1).
+    /// What the run had taken by then.
+    pub mark: Mark,
+    /// Share of the free voxels that are truly visible that is known (0 to 1).
     pub coverage: f64,
+    /// Share of the surface voxels that can be seen that is known (0 to 1).
+    pub surface: f64,
     /// The camera (m, world).
     pub position: Point3<f64>,
 }
@@ -109,6 +133,8 @@ impl Outcome {
             plans: 0,
             travel_secs: None,
             marks: [None; 4],
+            last_m: [None; 2],
+            tail: None,
             area_m: 0.0,
             coverage: 0.0,
             recall: None,
@@ -127,7 +153,7 @@ impl Outcome {
     }
 
     /// The names of [`Outcome::cells`].
-    pub const HEADS: [&'static str; 20] = [
+    pub const HEADS: [&'static str; 37] = [
         "end",
         "way_m",
         "rotation_deg",
@@ -135,9 +161,26 @@ impl Outcome {
         "plans",
         "travel_s",
         "way_90_m",
+        "rotation_90_deg",
+        "scans_90",
+        "travel_90_s",
         "way_95_m",
+        "rotation_95_deg",
+        "scans_95",
+        "travel_95_s",
         "way_99_m",
+        "rotation_99_deg",
+        "scans_99",
+        "travel_99_s",
         "way_999_m",
+        "rotation_999_deg",
+        "scans_999",
+        "travel_999_s",
+        "way_last_free_m",
+        "way_last_surface_m",
+        "late_voxels",
+        "late_in_sight",
+        "late_by_detour",
         "area_m",
         "coverage",
         "recall",
@@ -154,7 +197,6 @@ impl Outcome {
     /// among them.
     pub fn cells(&self) -> Vec<String> {
         let number = |number: f64| number.to_string();
-        let perhaps = |number: Option<f64>| number.map_or(String::new(), |number| number.to_string());
         let mut cells = vec![
             self.end.word().to_owned(),
             number(self.way_m),
@@ -163,7 +205,13 @@ impl Outcome {
             self.plans.to_string(),
             perhaps(self.travel_secs),
         ];
-        cells.extend(self.marks.map(perhaps));
+        for mark in self.marks {
+            cells.extend([perhaps(mark.map(|mark| mark.way_m)), perhaps(mark.map(|mark| mark.rotation_deg))]);
+            cells.extend([perhaps(mark.map(|mark| mark.scans)), perhaps(mark.and_then(|mark| mark.travel_secs))]);
+        }
+        cells.extend(self.last_m.map(perhaps));
+        cells.push(perhaps(self.tail.map(|tail| tail.voxels)));
+        cells.extend([self.tail.map(|tail| tail.in_sight), self.tail.map(|tail| tail.by_detour)].map(perhaps));
         cells.extend([number(self.area_m), number(self.coverage), perhaps(self.recall), perhaps(self.precision)]);
         cells.extend([self.agreement.map(|one| one.of_world), self.agreement.map(|one| one.of_known)].map(perhaps));
         cells.extend([self.contacts.to_string(), self.known.to_string(), format!("{:016x}", self.map)]);
@@ -173,32 +221,73 @@ impl Outcome {
 
     /// What [`Outcome::cells`] were made of; `None`: they were made of none.
     pub fn from_cells(cells: &[String], times: Times) -> Option<Self> {
-        let [end, way, rotation, scans, plans, travel, m90, m95, m99, m999, rest @ ..] = cells else { return None };
-        let [area, coverage, recall, precision, of_world, of_known, contacts, known, map, reason] = rest else {
+        if cells.len() != Self::HEADS.len() {
             return None;
-        };
-        let perhaps = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
+        }
+        let mut cells = Cells(cells.iter());
+        let end = cells.text()?;
         Some(Self {
             end: End::ALL.into_iter().find(|one| one.word() == end)?,
-            reason: reason.clone(),
-            way_m: way.parse().ok()?,
-            rotation_deg: rotation.parse().ok()?,
-            scans: scans.parse().ok()?,
-            plans: plans.parse().ok()?,
-            travel_secs: perhaps(travel)?,
-            marks: [perhaps(m90)?, perhaps(m95)?, perhaps(m99)?, perhaps(m999)?],
-            area_m: area.parse().ok()?,
-            coverage: coverage.parse().ok()?,
-            recall: perhaps(recall)?,
-            precision: perhaps(precision)?,
-            agreement: perhaps(of_world)?
-                .zip(perhaps(of_known)?)
-                .map(|(of_world, of_known)| Agreement { of_world, of_known }),
-            contacts: contacts.parse().ok()?,
-            known: known.parse().ok()?,
-            map: u64::from_str_radix(map, 16).ok()?,
+            way_m: cells.number()?,
+            rotation_deg: cells.number()?,
+            scans: cells.number()?,
+            plans: cells.number()?,
+            travel_secs: cells.perhaps()?,
+            marks: [cells.mark()?, cells.mark()?, cells.mark()?, cells.mark()?],
+            last_m: [cells.perhaps()?, cells.perhaps()?],
+            tail: cells.tail()?,
+            area_m: cells.number()?,
+            coverage: cells.number()?,
+            recall: cells.perhaps()?,
+            precision: cells.perhaps()?,
+            agreement: cells.agreement()?,
+            contacts: cells.number()?,
+            known: cells.number()?,
+            map: u64::from_str_radix(cells.text()?, 16).ok()?,
+            reason: cells.text()?.to_owned(),
             times,
         })
+    }
+}
+
+fn perhaps<T: ToString>(number: Option<T>) -> String {
+    number.map_or(String::new(), |number| number.to_string())
+}
+
+/// Cells that are read one after the other.
+struct Cells<'a>(std::slice::Iter<'a, String>);
+
+impl<'a> Cells<'a> {
+    fn text(&mut self) -> Option<&'a str> {
+        self.0.next().map(String::as_str)
+    }
+
+    fn number<T: FromStr>(&mut self) -> Option<T> {
+        self.text()?.parse().ok()
+    }
+
+    /// A number, or an empty cell where there is none.
+    fn perhaps<T: FromStr>(&mut self) -> Option<Option<T>> {
+        let text = self.text()?;
+        if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) }
+    }
+
+    fn mark(&mut self) -> Option<Option<Mark>> {
+        let (way_m, rotation_deg) = (self.perhaps()?, self.perhaps()?);
+        let (scans, travel_secs) = (self.perhaps()?, self.perhaps()?);
+        let mark = |((way_m, rotation_deg), scans)| Mark { way_m, rotation_deg, scans, travel_secs };
+        Some(way_m.zip(rotation_deg).zip(scans).map(mark))
+    }
+
+    fn tail(&mut self) -> Option<Option<Tail>> {
+        let (voxels, in_sight, by_detour) = (self.perhaps()?, self.perhaps()?, self.perhaps()?);
+        let tail = |((voxels, in_sight), by_detour)| Tail { voxels, in_sight, by_detour };
+        Some(voxels.zip(in_sight).zip(by_detour).map(tail))
+    }
+
+    fn agreement(&mut self) -> Option<Option<Agreement>> {
+        let (of_world, of_known) = (self.perhaps()?, self.perhaps()?);
+        Some(of_world.zip(of_known).map(|(of_world, of_known)| Agreement { of_world, of_known }))
     }
 }
 
@@ -219,14 +308,20 @@ impl Times {
     }
 }
 
-/// Where the curve of coverage over way first comes to `share`.
-pub fn way_to(trace: &[TracePoint], share: f64) -> Option<f64> {
-    trace.iter().find(|point| point.coverage >= share).map(|point| point.way_m)
+/// What it took until the curve of coverage over way first comes to `share`.
+pub fn mark_at(trace: &[TracePoint], share: f64) -> Option<Mark> {
+    trace.iter().find(|point| point.coverage >= share).map(|point| point.mark)
+}
+
+/// Length of the way until a share that only grows was as large as it came to be (m); `None`: it never was more than 0.
+pub fn last_gain(trace: &[TracePoint], share: impl Fn(&TracePoint) -> f64) -> Option<f64> {
+    let most = trace.iter().map(&share).fold(0.0, f64::max);
+    trace.iter().find(|point| most > 0.0 && share(point) >= most).map(|point| point.mark.way_m)
 }
 
 /// The area above the curve of coverage over way (m): what is found after a scan counts from there on.
 pub fn area_above(trace: &[TracePoint]) -> f64 {
-    trace.windows(2).map(|pair| (1.0 - pair[0].coverage) * (pair[1].way_m - pair[0].way_m)).sum()
+    trace.windows(2).map(|pair| (1.0 - pair[0].coverage) * (pair[1].mark.way_m - pair[0].mark.way_m)).sum()
 }
 
 #[cfg(test)]
@@ -245,7 +340,9 @@ pub(crate) mod tests {
             reason: "more than 5 scans, \"again\"".into(),
             way_m: 0.1 + 0.2,
             travel_secs: Some(1.0 / 3.0),
-            marks: [Some(1.5), None, None, None],
+            marks: [Some(mark(1.5)), Some(Mark { travel_secs: Some(0.1), scans: 7, ..mark(2.0) }), None, None],
+            last_m: [Some(0.3), None],
+            tail: Some(Tail { voxels: 12, in_sight: 0.1 + 0.2, by_detour: 1.0 }),
             recall: Some(0.99),
             agreement: Some(Agreement { of_world: 0.1 + 0.2, of_known: 1.0 / 3.0 }),
             map: u64::MAX,
@@ -259,15 +356,26 @@ pub(crate) mod tests {
         assert_eq!(Outcome::from_cells(&torn, outcome.times), None);
     }
 
+    fn mark(way_m: f64) -> Mark {
+        Mark { way_m, rotation_deg: 10.0 * way_m, ..Mark::default() }
+    }
+
     #[test]
     fn marks_and_area_are_those_of_the_curve() {
-        let point = |way_m: f64, coverage: f64| TracePoint { way_m, coverage, position: Point3::origin() };
-        let trace = [point(0.0, 0.5), point(2.0, 0.9), point(3.0, 0.95), point(7.0, 1.0)];
+        let point = |way_m: f64, coverage: f64, surface: f64| {
+            let mark = Mark { scans: way_m as u64, ..mark(way_m) };
+            TracePoint { mark, coverage, surface, position: Point3::origin() }
+        };
+        let trace = [point(0.0, 0.5, 0.0), point(2.0, 0.9, 0.7), point(3.0, 0.95, 0.7), point(7.0, 1.0, 0.7)];
         assert_eq!(
-            [0.4, 0.9, 0.91, 1.0].map(|share| way_to(&trace, share)),
-            [Some(0.0), Some(2.0), Some(3.0), Some(7.0)]
+            [0.4, 0.9, 0.91, 1.0].map(|share| mark_at(&trace, share).map(|mark| mark.way_m)),
+            [0, 2, 3, 7].map(|m| Some(f64::from(m)))
         );
-        assert_eq!(way_to(&trace[..3], 0.99), None);
+        assert_eq!(mark_at(&trace, 0.9), Some(Mark { rotation_deg: 20.0, scans: 2, ..mark(2.0) }));
+        assert_eq!(mark_at(&trace[..3], 0.99), None);
+        let [free, surface]: [fn(&TracePoint) -> f64; 2] = [|point| point.coverage, |point| point.surface];
+        assert_eq!([last_gain(&trace, free), last_gain(&trace, surface)], [Some(7.0), Some(2.0)]);
+        assert_eq!(last_gain(&trace[..1], surface), None);
         // 0.5 × 2 + 0.1 × 1 + 0.05 × 4
         assert!((area_above(&trace) - 1.3).abs() < 1e-12);
         assert_eq!(area_above(&[]), 0.0);

@@ -132,13 +132,16 @@ impl Plans {
             let named =
                 |why: String| wrong(strategy.at, format!("explorer {} in world {}: {why}", strategy.name, entry.name));
             let runs = what_runs(&strategy.runs, &explorer, &folder).map_err(named)?;
-            let sets = with_strategy(&base, runs, strategy, &last);
+            let sets = with_strategy(&base, (&explorer, runs), strategy, &last);
             last = load(&sets).map_err(named)?;
-            let takes_turns = |app: &AppSpec| app.is_builtin() || (app.name == explorer && app.type_name() == "pipe");
-            if let Some(foreign) = last.apps.iter().find(|app| !takes_turns(app)) {
+            let is_mission_s = |app: &AppSpec| app.is_builtin() || (app.name == explorer && !app.is_moos());
+            if let Some(foreign) = last.apps.iter().find(|app| !is_mission_s(app)) {
                 return Err(wrong(
                     entry.at,
-                    format!("{} is a program of its own; all runs are threads of this process", foreign.name),
+                    format!(
+                        "{} is a program of its own; of a suite, only the explorer can be one, and none of MOOS'",
+                        foreign.name
+                    ),
                 ));
             }
             effective.push(last.to_xml(&|app, _| app.element == element::LOGGER) + &program_files(&last));
@@ -285,19 +288,34 @@ fn only<'a>(mission: &'a Mission, element: &str) -> Result<&'a AppSpec, String> 
     mission.of_element(element).next().ok_or_else(|| format!("the mission {} has no {element}", mission.name))
 }
 
-/// What is to run as the mission's explorer; a program with a folder is the suite's.
-fn what_runs(runs: &Runs, explorer: &str, folder: &Path) -> Result<Override, String> {
-    let (param, text) = match runs {
-        Runs::Type(name) => ("type", name.clone()),
-        Runs::Pipe(line) => {
-            let mut words = split_arguments(line).map_err(|error| format!("pipe: {error}"))?;
-            if let Some(program) = words.first_mut().filter(|program| program.contains('/')) {
-                *program = folder.join(&*program).to_string_lossy().into_owned();
-            }
-            ("pipe", join_arguments(&words))
+/// What is to run as the mission's explorer. A program with a folder is the suite's, and so is a file beside the suite that an argument
+/// names.
+fn what_runs(runs: &Runs, explorer: &str, folder: &Path) -> Result<Vec<Override>, String> {
+    let set = |(param, text): (&str, String)| Override { app: explorer.to_owned(), param: param.to_owned(), text };
+    let words = |line: &str| words_of(line, folder);
+    let sets = match runs {
+        Runs::Type(name) => vec![("type", name.clone())],
+        Runs::Pipe(line) => vec![("pipe", join_arguments(&words(line).map_err(|why| format!("pipe: {why}"))?))],
+        Runs::Exec(line) => {
+            let words = words(line).map_err(|why| format!("exec: {why}"))?;
+            let Some((program, arguments)) = words.split_first() else {
+                return Err("exec: it names no program".to_owned());
+            };
+            vec![("exec", program.clone()), ("args", join_arguments(arguments))]
         }
     };
-    Ok(Override { app: explorer.to_owned(), param: param.to_owned(), text })
+    Ok(sets.into_iter().map(set).collect())
+}
+
+fn words_of(line: &str, folder: &Path) -> Result<Vec<String>, String> {
+    let mut words = split_arguments(line).map_err(|error| error.to_string())?;
+    for (place, word) in words.iter_mut().enumerate() {
+        let beside = folder.join(&*word);
+        if (place == 0 && word.contains('/')) || (place > 0 && beside.is_file()) {
+            *word = beside.to_string_lossy().into_owned();
+        }
+    }
+    Ok(words)
 }
 
 /// What is in the files of the mission's programs, as far as their command lines name them: rows of another program are not
@@ -314,8 +332,12 @@ fn program_files(mission: &Mission) -> String {
 }
 
 /// A strategy in place of the mission's own; what it says itself counts. Nobody watches: a robot is not held back.
-fn with_strategy(base: &[Override], runs: Override, strategy: &StrategyEntry, mission: &Mission) -> Vec<Override> {
-    let explorer = &runs.app;
+fn with_strategy(
+    base: &[Override],
+    (explorer, runs): (&str, Vec<Override>),
+    strategy: &StrategyEntry,
+    mission: &Mission,
+) -> Vec<Override> {
     let set = |app: &str, param: &str, text: &str| Override {
         app: app.to_owned(),
         param: param.to_owned(),
@@ -323,8 +345,8 @@ fn with_strategy(base: &[Override], runs: Override, strategy: &StrategyEntry, mi
     };
     let own = |param: &str| strategy.settings.iter().any(|(name, _)| name.eq_ignore_ascii_case(param));
     let mut sets: Vec<Override> =
-        base.iter().filter(|said| said.app != *explorer || !own(&said.param)).cloned().collect();
-    sets.push(runs.clone());
+        base.iter().filter(|said| said.app != explorer || !own(&said.param)).cloned().collect();
+    sets.extend(runs);
     sets.extend(strategy.settings.iter().map(|(param, text)| set(explorer, param, text)));
     for controller in mission.of_element(element::CONTROLLER) {
         let held = [("Pace", "0"), ("Manual", "false")].into_iter().filter(|(param, _)| controller.takes(param));
@@ -377,7 +399,7 @@ pub fn check_strategies(suite: &Suite, registry: &Registry) -> Result<(), SuiteE
     let known: Vec<&str> = registry.of_element(element::EXPLORER).map(|one| one.name).collect();
     let types = suite.strategies.iter().filter_map(|one| match &one.runs {
         Runs::Type(name) => Some((one.at, name)),
-        Runs::Pipe(_) => None,
+        Runs::Pipe(_) | Runs::Exec(_) => None,
     });
     let unknown = types.filter(|(_, name)| !known.contains(&name.as_str()));
     let problems: Vec<(Place, String)> = unknown

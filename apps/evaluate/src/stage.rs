@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::clock::{monotonic_nanos, thread_cpu_secs};
-use elk_bus::memory::MemoryBroker;
-use elk_bus::{App, BrokerConfig, Client, Clock, Community, Overheard, begin_app, take_turn, take_wake};
+use elk_bus::{App, Client, Clock, Overheard, begin_app, take_turn, take_wake};
 use elk_geometry::OccupancyGrid;
 use elk_mission::{AppSpec, Mission, Program, Via, element};
 use elk_pipe::{Errors, PipeApp};
 
+use crate::meeting::Meeting;
 use crate::observer::Observer;
 use crate::outcome::{End, Outcome, Times, TracePoint};
 use crate::site::Site;
@@ -23,6 +23,8 @@ use crate::suite::Limits;
 const STANDSTILL_ROUNDS: usize = 50;
 /// The longest wait for a program without a look whether to stop.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// How long a look at what programs on the bus have said is put off while there is nothing.
+const PROGRAM_LOOK: Duration = Duration::from_micros(200);
 /// How fast the community's clock runs: who waits for a time to pass does not keep others waiting.
 const WARP: f64 = 1000.0;
 /// Lines of what apps say that are kept for the reason of a failure.
@@ -104,14 +106,15 @@ pub fn run(
 ) -> Result<Came, Interrupted> {
     let overheard = Overheard::listen(LAST_WORDS);
     let begun = thread_cpu_secs();
-    let broker = MemoryBroker::new(BrokerConfig::new("evaluation"), Clock::new(WARP));
-    let mut stage = match Stage::new(site, mission, &broker) {
+    let mut stage = match Stage::new(site, mission) {
         Ok(stage) => stage,
         Err(why) => return Ok(Came::failed(why)),
     };
     sign.begin(stage.players.iter().map(|player| player.name.clone()).collect());
     let why = stage.play(limits, (sign, stop))?;
     sign.rest();
+    // What is worked out of a run that is over is no part of what it took.
+    let cpu_secs = thread_cpu_secs() - begun;
     let (mut outcome, plans) = stage.observer.outcome();
     match why {
         Over::Ended => {}
@@ -119,11 +122,15 @@ pub fn run(
         Over::Failed(why) => (outcome.end, outcome.reason) = (End::Failed, with_last_words(why, &overheard)),
     }
     outcome.times = Times {
-        cpu_secs: thread_cpu_secs() - begun,
+        cpu_secs,
         plan_p50_secs: percentile(&plans, 0.5).unwrap_or(0.0),
         plan_p99_secs: percentile(&plans, 0.99).unwrap_or(0.0),
     };
-    let (trace, map) = stage.observer.into_trace_and_map();
+    // Clients that hang up wake the broker, who is to stop then.
+    let Stage { players, observer, mut meeting } = stage;
+    meeting.close();
+    drop(players);
+    let (trace, map) = observer.into_trace_and_map();
     Ok(Came { outcome, trace, map })
 }
 
@@ -145,29 +152,34 @@ fn with_last_words(why: String, overheard: &Overheard) -> String {
 struct Stage<'a> {
     players: Vec<Player>,
     observer: Observer<'a>,
+    /// The last to go.
+    meeting: Meeting,
 }
 
 impl<'a> Stage<'a> {
-    fn new(site: &'a Site, mission: &Mission, broker: &MemoryBroker) -> Result<Self, String> {
-        let community = Community::new("evaluation").map_err(|error| error.to_string())?;
-        let join = |name: &str| {
-            let link = broker.connect(name).map_err(|error| format!("{name}: {error}"))?;
-            Ok::<_, String>(Client::over(link, name, &community))
+    fn new(site: &'a Site, mission: &Mission) -> Result<Self, String> {
+        let clock = Clock::new(WARP);
+        let apps = || mission.apps.iter().filter(|app| app.element != element::LOGGER);
+        let (programs, own): (Vec<&AppSpec>, Vec<&AppSpec>) = apps().partition(|app| is_on_the_bus_itself(app));
+        let mut meeting = match programs.is_empty() {
+            true => Meeting::in_memory(clock)?,
+            false => Meeting::on_this_machine(clock)?,
         };
-        let observer = Observer::new(site, join("evaluation")?).map_err(|error| error.to_string())?;
+        let observer = Observer::new(site, meeting.join("evaluation")?).map_err(|error| error.to_string())?;
         let mut players = Vec::new();
-        for app in mission.apps.iter().filter(|app| app.element != element::LOGGER) {
+        for app in own {
             let made = build(app)?;
-            players.push(Player { name: app.name.clone(), app: made, client: join(&app.name)? });
+            players.push(Player { name: app.name.clone(), app: made, client: meeting.join(&app.name)? });
         }
         for Player { app, client, .. } in &mut players {
             begin_app(&mut **app, client).map_err(|error| error.to_string())?;
         }
-        Ok(Self { players, observer })
+        programs.into_iter().try_for_each(|app| meeting.start(app))?;
+        Ok(Self { players, observer, meeting })
     }
 
     fn play(&mut self, limits: &Limits, (sign, stop): (&Sign, &AtomicBool)) -> Result<Over, Interrupted> {
-        let mut idle = 0;
+        let (mut idle, mut moved_last) = (0, Stopwatch::start());
         loop {
             if stop.load(Ordering::Relaxed) {
                 return Err(Interrupted);
@@ -188,7 +200,17 @@ impl<'a> Stage<'a> {
                     Err(why) => return Ok(Over::Failed(why)),
                 }
             }
-            idle = if moved { 0 } else { idle + 1 };
+            if moved {
+                (idle, moved_last) = (0, Stopwatch::start());
+                continue;
+            }
+            idle += 1;
+            if self.meeting.has_programs() {
+                if let Err(why) = self.wait_for_programs(&moved_last, limits) {
+                    return Ok(Over::Failed(why));
+                }
+                continue;
+            }
             if idle > STANDSTILL_ROUNDS {
                 return Ok(Over::Failed(self.observer.standstill()));
             }
@@ -197,6 +219,19 @@ impl<'a> Stage<'a> {
                 std::thread::sleep(Duration::from_millis(1));
             }
         }
+    }
+
+    /// Waits a little for programs that are on the bus themselves: what they say comes when it comes, and is the same.
+    fn wait_for_programs(&mut self, moved_last: &Stopwatch, limits: &Limits) -> Result<(), String> {
+        if let Some(why) = self.meeting.ended() {
+            return Err(why);
+        }
+        if moved_last.elapsed().as_secs_f64() > limits.answer_secs {
+            let standstill = self.observer.standstill();
+            return Err(format!("nothing came of the program for {} s: {standstill}", limits.answer_secs));
+        }
+        std::thread::sleep(PROGRAM_LOOK);
+        Ok(())
     }
 
     /// Waits for the next line of a program. It is waited for once everybody else has nothing to do, and one line at a time is
@@ -251,4 +286,9 @@ fn build(app: &AppSpec) -> Result<Box<dyn App>, String> {
         }
         Program::Foreign { .. } => Err(format!("{} is a program of its own, and no thread of this one", app.name)),
     }
+}
+
+/// Whether it is no app of this process, but a program that joins the community.
+fn is_on_the_bus_itself(app: &AppSpec) -> bool {
+    matches!(app.program, Program::Foreign { via: Via::Itself, .. })
 }

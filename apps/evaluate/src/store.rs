@@ -9,7 +9,7 @@ use elk_outside::file;
 use nalgebra::Point3;
 
 use crate::oracle::{Length, Lengths};
-use crate::outcome::{Outcome, Times, TracePoint};
+use crate::outcome::{Mark, Outcome, Times, TracePoint};
 use crate::pool::Case;
 use crate::suite::Suite;
 use crate::truth::Start;
@@ -187,17 +187,24 @@ fn trace_file(folder: &Path, number: usize) -> PathBuf {
 }
 
 fn trace_text(trace: &[TracePoint]) -> String {
-    let line = |TracePoint { way_m, coverage, position: p }: &TracePoint| {
-        format!("{way_m},{coverage},{},{},{}\n", p.x, p.y, p.z)
+    let line = |TracePoint { mark, coverage, surface, position: p }: &TracePoint| {
+        let travel = mark.travel_secs.map_or(String::new(), |secs| secs.to_string());
+        let took = format!("{},{},{travel}", mark.rotation_deg, mark.scans);
+        format!("{},{coverage},{},{},{},{took},{surface}\n", mark.way_m, p.x, p.y, p.z)
     };
     let lines: String = trace.iter().map(line).collect();
-    format!("way_m,coverage,x_m,y_m,z_m\n{lines}")
+    format!("way_m,coverage,x_m,y_m,z_m,rotation_deg,scans,travel_s,surface\n{lines}")
 }
 
 fn trace_point(line: &str) -> Option<TracePoint> {
-    let numbers: Vec<f64> = line.split(',').map(str::parse).collect::<Result<_, _>>().ok()?;
-    let [way_m, coverage, x, y, z] = numbers[..] else { return None };
-    Some(TracePoint { way_m, coverage, position: Point3::new(x, y, z) })
+    let cells: Vec<&str> = line.split(',').collect();
+    let [way_m, coverage, x, y, z, rotation_deg, scans, travel, surface] = cells[..] else { return None };
+    let number = |text: &str| text.parse::<f64>().ok();
+    let travel_secs = if travel.is_empty() { None } else { Some(number(travel)?) };
+    let (rotation_deg, scans) = (number(rotation_deg)?, scans.parse().ok()?);
+    let mark = Mark { way_m: number(way_m)?, rotation_deg, scans, travel_secs };
+    let position = Point3::new(number(x)?, number(y)?, number(z)?);
+    Some(TracePoint { mark, coverage: number(coverage)?, surface: number(surface)?, position })
 }
 
 fn run_line(suite: &Suite, row: &Row) -> String {
@@ -305,8 +312,20 @@ mod tests {
         Row { case, start: Some(place), outcome: complete(way_m) }
     }
 
-    const TRACE: [TracePoint; 1] =
-        [TracePoint { way_m: 0.1, coverage: 1.0 / 3.0, position: Point3::new(1.0, 2.0, 3.0) }];
+    const TRACE: [TracePoint; 2] = [
+        TracePoint {
+            mark: Mark { way_m: 0.1, rotation_deg: 0.1 + 0.2, scans: 3, travel_secs: None },
+            coverage: 1.0 / 3.0,
+            surface: 0.25,
+            position: Point3::new(1.0, 2.0, 3.0),
+        },
+        TracePoint {
+            mark: Mark { way_m: 0.2, rotation_deg: 4.0, scans: 4, travel_secs: Some(1.0 / 7.0) },
+            coverage: 0.5,
+            surface: 1.0,
+            position: Point3::new(1.0, -2.0, 3.0),
+        },
+    ];
 
     #[test]
     fn what_was_kept_is_there_again_and_half_a_line_is_not() {

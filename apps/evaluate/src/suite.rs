@@ -109,6 +109,8 @@ pub enum Runs {
     Type(String),
     /// A program that reads and writes lines, with its arguments. A path with a folder is the suite's.
     Pipe(String),
+    /// A program that is on the bus itself, with its arguments. A path with a folder is the suite's.
+    Exec(String),
 }
 
 /// A length of way that somebody else has measured.
@@ -350,26 +352,22 @@ impl<'a, 'input> Reader<'a, 'input> {
 
     fn strategy(&mut self, node: Node<'a, 'input>) -> Option<StrategyEntry> {
         self.childless(node, &[]);
-        if let Some(exec) = node.attribute_node("exec") {
-            let what = "a program that is on the bus itself cannot be evaluated: all runs are threads of this process; right is \
-                        pipe=\"…\", a program that reads and writes lines, or `elk compare`, each run a mission of processes";
-            self.wrong(exec.range().start, what);
-            return None;
-        }
         let said = |name: &str| node.attribute(name).map(|text| text.trim().to_owned());
-        let runs = match (said("type"), said("pipe")) {
-            (Some(type_name), None) => Runs::Type(type_name),
-            (None, Some(line)) => Runs::Pipe(line),
+        let runs = match (said("type"), said("pipe"), said("exec")) {
+            (Some(type_name), None, None) => Runs::Type(type_name),
+            (None, Some(line), None) => Runs::Pipe(line),
+            (None, None, Some(line)) => Runs::Exec(line),
             _ => {
-                let right = "an <Explorer> says either its type=\"…\" (`elk types Explorer` lists them) or pipe=\"…\", a program";
+                let right = "an <Explorer> says one of type=\"…\" (`elk types Explorer` lists them), pipe=\"…\", a program that reads and \
+                             writes lines, and exec=\"…\", one that is on the bus itself";
                 self.wrong(node.range().start, right);
                 return None;
             }
         };
-        let (Runs::Type(usual) | Runs::Pipe(usual)) = &runs;
+        let (Runs::Type(usual) | Runs::Pipe(usual) | Runs::Exec(usual)) = &runs;
         let name = node.attribute("name").unwrap_or(usual).to_owned();
         self.name(node, &name);
-        let settings = node.attributes().filter(|said| !["name", "type", "pipe"].contains(&said.name()));
+        let settings = node.attributes().filter(|said| !["name", "type", "pipe", "exec"].contains(&said.name()));
         let settings = settings.map(|said| (said.name().to_owned(), said.value().to_owned())).collect();
         Some(StrategyEntry { name, runs, settings, at: self.place(node.range().start) })
     }
@@ -498,8 +496,8 @@ mod tests {
             ),
             (format!("<Suite>\n {right}<World/></Suite>"), "s.xml:2:44: right is either mission="),
             (
-                format!("<Suite>{right}<Explorer exec='./mine'/></Suite>"),
-                "a program that is on the bus itself cannot be evaluated",
+                format!("<Suite>{right}<Explorer name='b' pipe='./mine' exec='./mine'/></Suite>"),
+                "an <Explorer> says one of type=",
             ),
             (format!("<Suite>{right}<Explorer type='A'/></Suite>"), "there are two of the explorer A"),
             (format!("<Suite>{right}<Wrold/></Suite>"), "<Wrold> is no part of a suite; did you mean World?"),

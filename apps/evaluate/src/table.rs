@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::oracle::{Length, Lengths};
-use crate::outcome::{Outcome, SHARES};
+use crate::outcome::{Mark, Outcome, SHARES};
+use crate::parts;
 use crate::pool::Case;
 use crate::statistics::{Paired, Sample};
 use crate::store::Row;
@@ -61,7 +62,7 @@ const SEEN: &str = "seen %";
 type Measure = fn(&Outcome) -> Option<f64>;
 
 const WAY: Measure = |run| Some(run.way_m);
-const WAY_99: Measure = |run| run.marks[2];
+const WAY_99: Measure = |run| run.marks[2].map(|mark| mark.way_m);
 
 impl<'a> Rows<'a> {
     /// All that is there of a suite, and what the oracle's ways come to in it.
@@ -101,8 +102,48 @@ impl<'a> Rows<'a> {
 
     /// All tables.
     pub fn tables(&self) -> Vec<Table> {
-        let worlds = (0..self.suite.worlds.len()).map(|world| self.of_world(world));
-        std::iter::once(self.overall()).chain(worlds).chain(self.failures()).collect()
+        let worlds = (0..self.suite.worlds.len()).flat_map(|world| [self.of_world(world), self.on_the_way(world)]);
+        [self.overall(), self.parts()].into_iter().chain(worlds).chain(self.failures()).collect()
+    }
+
+    /// What the ways of all worlds are made of.
+    fn parts(&self) -> Table {
+        let head = std::iter::once("strategy".to_owned()).chain(parts::heads(ORACLE)).collect();
+        let line = |strategy: usize| {
+            let of_world = |world: usize| {
+                let oracle = self.oracle(world);
+                self.complete(world, strategy)
+                    .map(move |(start, run)| (run, oracle.get(&start).map(|length| length.way_m)))
+            };
+            let runs: Vec<(&Outcome, Option<f64>)> = (0..self.suite.worlds.len()).flat_map(of_world).collect();
+            std::iter::once(self.suite.strategies[strategy].name.clone()).chain(parts::cells(&runs)).collect()
+        };
+        let caption = "All worlds: what the ways are made of".to_owned();
+        Table { caption, head, lines: (0..self.suite.strategies.len()).map(line).collect() }
+    }
+
+    /// What it took to come to each share of what is visible, besides the way.
+    fn on_the_way(&self, world: usize) -> Table {
+        let mut head = vec!["strategy".to_owned()];
+        head.extend(SHARES.iter().flat_map(|share| {
+            ["rotation °", "scans", "travel s"].map(|what| format!("to {}: {what}", percent(*share)))
+        }));
+        let line = |strategy: usize| {
+            let runs: Vec<&Outcome> = self.complete(world, strategy).map(|(_, outcome)| outcome).collect();
+            let mut cells = vec![self.suite.strategies[strategy].name.clone()];
+            for place in 0..SHARES.len() {
+                let mean =
+                    |of: fn(&Mark) -> Option<f64>| mean_of(&runs, |run| run.marks[place].as_ref().and_then(of), 0);
+                cells.extend([
+                    mean(|mark| Some(mark.rotation_deg)),
+                    mean(|mark| Some(mark.scans as f64)),
+                    mean(|mark| mark.travel_secs),
+                ]);
+            }
+            cells
+        };
+        let caption = format!("{}: on the way", self.suite.worlds[world].name);
+        Table { caption, head, lines: (0..self.suite.strategies.len()).map(line).collect() }
     }
 
     /// Ratios to the first strategy over all worlds, as geometric means over the pairs: a long way weighs no more than a short
@@ -140,7 +181,7 @@ impl<'a> Rows<'a> {
         let first = &self.suite.strategies[0].name;
         let mut head: Vec<String> = ["strategy", "complete", "way m"].map(str::to_owned).to_vec();
         head.extend([format!("− {first} [95 %], p"), format!("÷ {ORACLE}")]);
-        head.extend(SHARES.map(|share| format!("to {} %", (share * 1e3).round() / 10.0)));
+        head.extend(SHARES.map(|share| format!("to {}", percent(share))));
         let others = [
             "area m",
             "scans",
@@ -206,8 +247,8 @@ impl<'a> Rows<'a> {
         cells.push(if strategy == 0 { "0".to_owned() } else { shown_difference(&differences) });
         let over = Sample::of(&self.over_oracle(world, strategy));
         cells.push(over.map_or("–".to_owned(), |over| format!("{:.2}", over.mean.exp())));
-        let marks: [Measure; 4] = [|run| run.marks[0], |run| run.marks[1], WAY_99, |run| run.marks[3]];
-        cells.extend(marks.map(|mark| mean(mark, 1)));
+        let marks = (0..SHARES.len()).map(|place| mean_of(&runs, |run| run.marks[place].map(|mark| mark.way_m), 1));
+        cells.extend(marks);
         cells.push(mean(|run| Some(run.area_m), 2));
         cells.push(mean(|run| Some(run.scans as f64), 0));
         cells.push(mean(|run| Some(run.rotation_deg), 0));
@@ -264,6 +305,11 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// `99.9 %`
+fn percent(share: f64) -> String {
+    format!("{} %", (share * 1e3).round() / 10.0)
+}
+
 fn published(reference: &crate::suite::Reference) -> String {
     let sd = reference.sd_m.map_or(String::new(), |sd| format!(" ± {sd}"));
     let source = if reference.source.is_empty() { String::new() } else { format!(" ({})", reference.source) };
@@ -271,7 +317,7 @@ fn published(reference: &crate::suite::Reference) -> String {
 }
 
 /// A mean; of how many, if some have no such number.
-fn mean_of(runs: &[&Outcome], measure: Measure, decimals: usize) -> String {
+fn mean_of(runs: &[&Outcome], measure: impl Fn(&Outcome) -> Option<f64>, decimals: usize) -> String {
     let values: Vec<f64> = runs.iter().filter_map(|run| measure(run)).collect();
     let Some(sample) = Sample::of(&values) else { return "–".to_owned() };
     let of = if values.len() < runs.len() { format!(" ({} of {})", values.len(), runs.len()) } else { String::new() };
@@ -338,7 +384,13 @@ mod tests {
         let lengths =
             Lengths::from([((0, 0), length(5.0)), ((0, 1), length(8.0)), ((0, 2), None), ((1, 0), length(1.0))]);
         let tables = Rows::new(&suite, &rows, &lengths).tables();
-        let [overall, car, failures] = &tables[..] else { panic!("{tables:?}") };
+        let [overall, parts, car, on_the_way, failures] = &tables[..] else { panic!("{tables:?}") };
+        for table in [parts, on_the_way] {
+            assert!(
+                table.lines.len() == 2 && table.lines.iter().all(|line| line.len() == table.head.len()),
+                "{table:?}"
+            );
+        }
         assert_eq!(car.lines[0][..5], ["A", "4 of 4", "25.0 ± 12.9", "0", "2.24"]);
         // Differences 2, 3 and 4: mean 3, standard error 1/√3, t(0.975, 2) = 4.3027, t = 5.196: p = 0.0351.
         assert_eq!(car.lines[1][..4], ["B", "3 of 4", "23.0 ± 11.0", "+3.0 [+0.5, +5.5], p = 0.035 *"]);
@@ -358,9 +410,10 @@ mod tests {
     #[test]
     fn a_mark_that_some_did_not_reach_says_how_many_did() {
         let mut one = complete(5.0);
-        one.marks[3] = Some(4.0);
-        assert_eq!(mean_of(&[&one, &complete(6.0)], |run| run.marks[3], 1), "4.0 (1 of 2)");
-        assert_eq!(mean_of(&[&complete(6.0)], |run| run.marks[3], 1), "–");
+        one.marks[3] = Some(Mark { way_m: 4.0, ..Mark::default() });
+        let way = |run: &Outcome| run.marks[3].map(|mark| mark.way_m);
+        assert_eq!(mean_of(&[&one, &complete(6.0)], way, 1), "4.0 (1 of 2)");
+        assert_eq!(mean_of(&[&complete(6.0)], way, 1), "–");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What of a world a robot can come to know, and how much of it a map has.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 
 use elk_geometry::bricks::voxel_at;
 use elk_geometry::delta::Changes;
@@ -60,8 +60,8 @@ pub struct Truth {
     hidden: usize,
 }
 
-/// Whether nothing lies between two points.
-fn sees(world: &World, from: Point3<f64>, to: Point3<f64>) -> bool {
+/// Whether nothing lies between two points (m, world).
+pub fn sees(world: &World, from: Point3<f64>, to: Point3<f64>) -> bool {
     world.cast(from, to - from).is_none_or(|t| t >= 1.0)
 }
 
@@ -183,9 +183,20 @@ impl Truth {
         self.stands.contains(voxel) && world.is_free(place) && !world.touches(place, place, self.terms.radius_m)
     }
 
-    /// How much a map has of it.
+    /// How much a map has of the free voxels that can be seen.
     pub fn coverage(&self) -> Coverage<'_> {
-        Coverage { truth: self, known: BTreeMap::new(), total: 0 }
+        Coverage { of: &self.visible, known: VoxelSet::new() }
+    }
+
+    /// How much a map has of the surface voxels that can be seen.
+    pub fn surface_coverage(&self) -> Coverage<'_> {
+        Coverage { of: &self.surface, known: VoxelSet::new() }
+    }
+
+    /// Whether a robot that is at `from` can go straight to `to` (m, world) and be there.
+    pub fn can_go(&self, world: &World, from: Point3<f64>, to: Point3<f64>) -> bool {
+        let stands = self.stands.contains(Voxel::containing(to, self.terms.resolution));
+        stands && !world.touches(from, to, self.terms.radius_m)
     }
 
     /// Surface recall and precision of a map: of the surface voxels that can be seen the share that it calls occupied, and of
@@ -334,30 +345,30 @@ fn shell(reach: i32) -> impl Iterator<Item = Voxel> {
     all.filter(move |step| step.iter().any(|along| along.abs() == reach)).map(Voxel::from)
 }
 
-/// How much of what can be seen a map knows, kept while it grows.
+/// How much of a set of voxels a map knows, kept while it grows.
 #[derive(Debug, Clone)]
 pub struct Coverage<'a> {
-    truth: &'a Truth,
-    /// Visible voxels that are known, by brick.
-    known: BTreeMap<[i32; 3], usize>,
-    total: usize,
+    of: &'a VoxelSet,
+    known: VoxelSet,
 }
 
 impl Coverage<'_> {
     /// The map has changed so, and is `map` now.
     pub fn update(&mut self, map: &OccupancyGrid, changes: &Changes) {
         for (brick, _) in changes.bricks() {
-            let visible = self.truth.visible.brick(*brick);
             let known = map.bricks().brick(*brick).map_or(mask::NONE, |cells| *cells.known());
-            let now = mask::count(&mask::and(&known, visible));
-            let before = self.known.insert(brick.to_array(), now).unwrap_or(0);
-            self.total = self.total + now - before;
+            self.known.replace(*brick, &mask::and(&known, self.of.brick(*brick)));
         }
     }
 
     /// The share that is known (0 to 1).
     pub fn share(&self) -> f64 {
-        self.total as f64 / self.truth.visible.len().max(1) as f64
+        self.known.len() as f64 / self.of.len().max(1) as f64
+    }
+
+    /// What of it is known.
+    pub fn known(&self) -> &VoxelSet {
+        &self.known
     }
 }
 

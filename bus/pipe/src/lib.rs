@@ -15,5 +15,5 @@ mod program;
 pub mod words;
 
 pub use app::PipeApp;
-pub use program::Errors;
+pub use program::{Errors, Heard, Program};
 pub use words::Registration;
