@@ -101,6 +101,9 @@ impl MoosOutlet {
 
 impl Outlet for MoosOutlet {
     fn send(&mut self, message: &[u8]) -> BenchResult {
+        if message.len() >= PACKET_BYTES {
+            return Ok(self.0.send_bytes(KEY, message)?);
+        }
         self.0.notify_bytes(KEY, message);
         if self.0.waiting_bytes() >= PACKET_BYTES { Ok(self.0.flush()?) } else { Ok(()) }
     }

@@ -130,9 +130,14 @@ impl<'a> Message<'a> {
 
     /// Appends it. Whoever encodes sees to it that it is shorter than 2 GiB.
     pub fn put(&self, out: &mut Vec<u8>) {
-        let len = self.encoded_len();
-        out.reserve(len);
-        put_i32(out, len as i32);
+        out.reserve(self.encoded_len());
+        self.put_without_value(out);
+        out.extend_from_slice(self.value);
+    }
+
+    /// Appends all but the bytes of its value, which come last.
+    pub(crate) fn put_without_value(&self, out: &mut Vec<u8>) {
+        put_i32(out, self.encoded_len() as i32);
         put_i32(out, self.id);
         out.extend_from_slice(&[self.kind.0, self.data.0]);
         for text in [self.source, self.source_aux, self.community, self.key] {
@@ -141,7 +146,7 @@ impl<'a> Message<'a> {
         for number in [self.time, self.number, self.second] {
             out.extend_from_slice(&number.to_le_bytes());
         }
-        put_text(out, self.value);
+        put_i32(out, self.value.len() as i32);
     }
 
     /// The message that `bytes` are, no more and no less.
