@@ -130,14 +130,19 @@ impl<'a> Message<'a> {
 
     /// Appends it. Whoever encodes sees to it that it is shorter than 2 GiB.
     pub fn put(&self, out: &mut Vec<u8>) {
-        out.reserve(self.encoded_len());
-        self.put_without_value(out);
+        let len = self.encoded_len();
+        out.reserve(len);
+        self.put_head(len, out);
         out.extend_from_slice(self.value);
     }
 
     /// Appends all but the bytes of its value, which come last.
     pub(crate) fn put_without_value(&self, out: &mut Vec<u8>) {
-        put_i32(out, self.encoded_len() as i32);
+        self.put_head(self.encoded_len(), out);
+    }
+
+    fn put_head(&self, len: usize, out: &mut Vec<u8>) {
+        put_i32(out, len as i32);
         put_i32(out, self.id);
         out.extend_from_slice(&[self.kind.0, self.data.0]);
         for text in [self.source, self.source_aux, self.community, self.key] {
