@@ -3,7 +3,7 @@
 //! Method: separate processes; the payload carries `CLOCK_MONOTONIC` and a sequence number; publishers are paced by
 //! `clock_nanosleep(TIMER_ABSTIME)`; receivers block; warm-up messages are not counted; elk and its baselines take turns
 //! (A B A B …), and each figure is the median of its turns. Absolute times of a shared machine mean little, ratios of one
-//! run do.
+//! run do. With `MOOSDB=PROGRAM` in the environment that MOOSDB takes turns, too, with clients of MOOS'.
 //!
 //! | module | one idea |
 //! |---|---|

@@ -1,6 +1,9 @@
 //! Clients of MOOS' before elk's broker, as a way for messages.
 
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::ffi::OsString;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos};
@@ -36,6 +39,31 @@ pub fn broker(namespace: &str) -> BenchResult {
     let listening = Listening::at(GatewayOptions::new(address(namespace)?.to_string().parse()?))?;
     let config = BrokerConfig::new(namespace);
     Ok(serve_broker_at(Community::new(namespace)?, config, Clock::new(1.0), Some(listening))?)
+}
+
+/// The MOOSDB that stands beside elk's broker, if the environment names one.
+pub fn moosdb() -> Option<OsString> {
+    std::env::var_os("MOOSDB").filter(|program| !program.is_empty())
+}
+
+/// Becomes that MOOSDB, where clients of a namespace look for it.
+pub fn become_moosdb(namespace: &str) -> BenchResult {
+    let program = moosdb().ok_or("MOOSDB names no program")?;
+    let port = format!("--moos_port={}", address(namespace)?.port());
+    let failed = Command::new(&program).args([port, format!("--moos_community={namespace}")]).exec();
+    Err(format!("{} cannot be started: {failed}", program.display()).into())
+}
+
+/// Waits until somebody listens for the clients of a namespace: a MOOSDB says to nobody that it does.
+pub fn await_server(namespace: &str, patience: Duration) -> BenchResult {
+    let (address, waited) = (address(namespace)?, Stopwatch::start());
+    while let Err(error) = TcpStream::connect(address) {
+        if waited.elapsed() > patience {
+            return Err(format!("the program that MOOSDB names does not listen at {address}: {error}").into());
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    Ok(())
 }
 
 /// Connects as soon as the broker is there.
@@ -101,6 +129,9 @@ impl MoosOutlet {
 
 impl Outlet for MoosOutlet {
     fn send(&mut self, message: &[u8]) -> BenchResult {
+        if message.len() >= PACKET_BYTES {
+            return Ok(self.0.send_bytes(KEY, message)?);
+        }
         self.0.notify_bytes(KEY, message);
         if self.0.waiting_bytes() >= PACKET_BYTES { Ok(self.0.flush()?) } else { Ok(()) }
     }

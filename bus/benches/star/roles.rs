@@ -34,6 +34,7 @@ pub fn play(args: &[String]) -> BenchResult {
     match role.as_str() {
         "broker" => elk::broker(namespace),
         "gateway" => moos::broker(namespace),
+        "moosdb" => moos::become_moosdb(namespace),
         "deaf" => moos::stay_deaf(namespace, setting(settings, "seconds")?, ready),
         "relay" => bare_iceoryx2::relay(namespace, &Load::from_words(settings)?, ready),
         "publish" => publish(transport, namespace, settings),

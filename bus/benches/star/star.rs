@@ -31,6 +31,8 @@ pub enum Way {
     ElkToMoos,
     /// Through elk's broker, where clients of MOOS' could come in and none has.
     ElkBesideMoos,
+    /// From a client of MOOS' to another, through a MOOSDB.
+    Moosdb,
 }
 
 impl Way {
@@ -44,6 +46,7 @@ impl Way {
             Way::Moos => "MOOS → elk → MOOS",
             Way::ElkToMoos => "elk → elk → MOOS",
             Way::ElkBesideMoos => "elk star, idle gateway",
+            Way::Moosdb => "MOOS → MOOSDB → MOOS",
         }
     }
 
@@ -53,18 +56,18 @@ impl Way {
             Way::BareTwoHops => "relayed",
             Way::BareDirect => "direct",
             Way::UnixStream => "unix",
-            Way::Moos => "moos",
+            Way::Moos | Way::Moosdb => "moos",
             Way::ElkToMoos => "elk-to-moos",
             Way::ElkBesideMoos => "elk",
         }
     }
 
     fn is_of_moos(self) -> bool {
-        matches!(self, Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos)
+        matches!(self, Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos | Way::Moosdb)
     }
 
     fn is_of_elk(self) -> bool {
-        self == Way::Elk || self.is_of_moos()
+        self == Way::Elk || (self.is_of_moos() && self != Way::Moosdb)
     }
 
     /// What lies between publisher and readers.
@@ -72,6 +75,7 @@ impl Way {
         match self {
             Way::Elk => Some("broker"),
             Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => Some("gateway"),
+            Way::Moosdb => Some("moosdb"),
             Way::BareTwoHops => Some("relay"),
             Way::BareDirect | Way::UnixStream => None,
         }
@@ -146,6 +150,9 @@ impl Turn {
         let middle = namespace.way.middle().map(|role| start(role, self.load, vec![])).transpose()?;
         if let Some(relay) = middle.as_ref().filter(|_| namespace.way == Way::BareTwoHops) {
             relay.hear("READY", STANDING)?;
+        }
+        if namespace.way == Way::Moosdb {
+            moos::await_server(&namespace.name, STANDING)?;
         }
         let mut readers = Vec::new();
         for (number, reader) in self.readers.iter().enumerate() {

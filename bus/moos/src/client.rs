@@ -1,7 +1,7 @@
 //! A small client of a MOOSDB, or of what stands in its place: for tests and benchmarks. It has no thread: whoever uses it
 //! has to receive, or to send, at least once a second.
 
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, IoSlice, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
@@ -56,7 +56,8 @@ pub struct Welcomed {
 pub struct MoosClient {
     socket: TcpStream,
     decoder: Decoder,
-    buffer: Vec<u8>,
+    /// How long a look into the socket waits.
+    timeout: Option<Duration>,
     name: String,
     manner: Manner,
     clock: Clock,
@@ -90,7 +91,7 @@ impl MoosClient {
         let mut client = Self {
             socket,
             decoder: Decoder::of_server(LONGEST),
-            buffer: vec![0; READ_BYTES],
+            timeout: None,
             name: name.to_owned(),
             manner,
             clock,
@@ -178,6 +179,25 @@ impl MoosClient {
         self.notify(Message { key: key.as_bytes(), value: bytes, ..Message::new(Kind::NOTIFY, Data::BINARY) });
     }
 
+    /// Publishes bytes, which are not copied, and sends them at once with all that waits.
+    ///
+    /// # Errors
+    /// The server is gone.
+    pub fn send_bytes(&mut self, key: &str, bytes: &[u8]) -> Result<(), ClientError> {
+        let name = std::mem::take(&mut self.name);
+        let message = Message {
+            id: self.next_id,
+            source: name.as_bytes(),
+            key: key.as_bytes(),
+            time: self.time(),
+            value: bytes,
+            ..Message::new(Kind::NOTIFY, Data::BINARY)
+        };
+        message.put_without_value(&mut self.outbox);
+        (self.name, self.waiting, self.next_id) = (name, self.waiting + 1, self.next_id + 1);
+        self.flush_with(bytes)
+    }
+
     fn notify(&mut self, message: Message<'_>) {
         self.say_own(Message { id: self.next_id, ..message });
         self.next_id += 1;
@@ -200,14 +220,27 @@ impl MoosClient {
     /// # Errors
     /// The server is gone.
     pub fn flush(&mut self) -> Result<(), ClientError> {
+        self.flush_with(&[])
+    }
+
+    /// … with the value of the last message, which is not in the outbox.
+    fn flush_with(&mut self, value: &[u8]) -> Result<(), ClientError> {
         let is_due = self.beaten.as_ref().is_none_or(|last| last.elapsed() >= BEAT_EVERY);
         if self.manner == Manner::Asynchronous && is_due {
             self.beat();
         }
         if self.waiting > 0 {
-            let header = header(self.outbox.len(), self.waiting);
+            let header = header(self.outbox.len() + value.len(), self.waiting);
             self.outbox[..HEADER].copy_from_slice(&header);
-            self.socket.write_all(&self.outbox)?;
+            let mut pieces = &mut [IoSlice::new(&self.outbox), IoSlice::new(value)][..];
+            while !pieces.is_empty() {
+                match self.socket.write_vectored(pieces) {
+                    Ok(0) => return Err(ClientError::Closed),
+                    Ok(bytes) => IoSlice::advance_slices(&mut pieces, bytes),
+                    Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                    Err(error) => return Err(error.into()),
+                }
+            }
             self.outbox.truncate(HEADER);
             self.waiting = 0;
         }
@@ -269,15 +302,18 @@ impl MoosClient {
         timeout: Duration,
         take: &mut dyn FnMut(&Message<'_>),
     ) -> Result<Option<usize>, ClientError> {
-        self.socket.set_read_timeout(Some(timeout.max(Duration::from_millis(1))))?;
-        let bytes = match self.socket.read(&mut self.buffer) {
+        let timeout = Some(timeout.max(Duration::from_millis(1)));
+        if self.timeout != timeout {
+            self.socket.set_read_timeout(timeout)?;
+            self.timeout = timeout;
+        }
+        match self.decoder.read_from(&self.socket, READ_BYTES) {
             Ok(0) => return Err(ClientError::Closed),
-            Ok(bytes) => bytes,
+            Ok(_) => {}
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => return Ok(None),
             Err(error) if error.kind() == ErrorKind::Interrupted => return Ok(Some(0)),
             Err(error) => return Err(error.into()),
-        };
-        self.decoder.extend(&self.buffer[..bytes]);
+        }
         let mut packets = 0;
         while let Some(event) = self.decoder.next_event()? {
             match event {

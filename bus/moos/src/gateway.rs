@@ -35,9 +35,8 @@ pub use remotes::{Remotes, WithRemotes};
 
 /// The longest message that is taken from a client (bytes): one that the broker takes, and its names.
 const LONGEST_MESSAGE: usize = wire::MAX_MESSAGE + SHORTEST + 4 * wire::MAX_NAME;
-/// Bytes that are read of one connection in a round; of a message that has begun and is longer, more.
+/// Bytes that are read of one connection in a round; of a message that has begun and is longer, all that is there.
 const READ_BYTES: usize = 64 << 10;
-const READ_BYTES_OF_A_MESSAGE: usize = 1 << 20;
 /// A batch for the broker, and a packet for a client, is closed when it holds so many bytes.
 const BATCH_BYTES: usize = 64 << 10;
 /// Packets that a client is given in a round.
@@ -46,8 +45,6 @@ const PACKETS_A_ROUND: usize = 4;
 const ACCEPTED_A_ROUND: usize = 32;
 /// Connections that have not said who they are; whichever has had its time goes when others come.
 const UNNAMED: usize = 64;
-/// A connection's usual buffers (bytes): longer ones are given back.
-const USUAL_BUFFER: usize = 256 << 10;
 /// The longest bulk value that is given to a client, and the most that all together wait for (bytes).
 const LONGEST_BULK: usize = 16 << 20;
 const MOST_WAITING: usize = 128 << 20;
@@ -162,6 +159,11 @@ impl<E: WithRemotes> Round<'_, E> {
     /// Takes a client's words into the broker.
     fn receive(&mut self, from: ClientId, batch: &[u8]) -> Result<(), End> {
         Ok(self.host.receive(self.now, from, batch, self.endpoints)?)
+    }
+
+    /// Takes one message of a client's into the broker.
+    fn receive_message(&mut self, from: ClientId, message: &Frame<'_>) -> Result<(), End> {
+        Ok(self.host.receive_message(self.now, from, message, self.endpoints)?)
     }
 
     /// Says on `DB_EVENT`, and where the broker has its words, what of a client was not taken: once of each variable. MOOS
@@ -305,8 +307,7 @@ impl Gateway {
             self.connections.insert(token, connection);
             return false;
         }
-        let lacking = connection.decoder.lacking().min(READ_BYTES_OF_A_MESSAGE);
-        let (moved, end) = match connection.look(READ_BYTES.max(lacking)) {
+        let (moved, end) = match connection.look(READ_BYTES) {
             // The poller says when there is more.
             Look::Nothing => {
                 self.readable.remove(&token);
@@ -314,7 +315,7 @@ impl Gateway {
             }
             Look::Over => (true, Some(End::Plain)),
             Look::Bytes => {
-                connection.heard_at = monotonic_nanos();
+                connection.note_heard(monotonic_nanos());
                 (true, self.understand(token, &mut connection, round).err())
             }
         };
@@ -347,7 +348,10 @@ impl Gateway {
                         broker.note_sign_of_life(round.now, client.id, message.time);
                     }
                     let mut context = Context { id: client.id, broker, forms: &mut self.forms };
-                    client.session.take(&message, first, &mut context, &mut batch);
+                    if let Some(long) = client.session.take(&message, first, &mut context, &mut batch) {
+                        taken = round.receive(client.id, &batch).and_then(|()| round.receive_message(client.id, &long));
+                        batch.clear();
+                    }
                 }
                 Ok(Some(Event::End)) => client.session.end_packet(),
                 Ok(Some(Event::TooLong { bytes })) => client.session.note_too_long(bytes, LONGEST_MESSAGE),
@@ -393,9 +397,9 @@ impl Gateway {
         let id = match admitted {
             Ok(id) => id,
             Err(reason) => {
-                put_poison(&reason, connection.out(at));
+                put_poison(&reason, connection.out(at).bytes());
                 // Who does not take it, now that nothing else is on its way, is gone.
-                let _ = connection.flush(at);
+                let _ = connection.flush(at, &[]);
                 let _ = connection.socket.shutdown(std::net::Shutdown::Write);
                 return Err(End::Plain);
             }
@@ -403,7 +407,7 @@ impl Gateway {
         round.endpoints.remotes().enter(id);
         self.by_client.insert(id, token);
         let (community, hostname) = (self.community.as_str(), self.hostname.as_str());
-        Welcome { community, hostname, time: round.time() }.put(hello.time, connection.out(at));
+        Welcome { community, hostname, time: round.time() }.put(hello.time, connection.out(at).bytes());
         let life = (round.now.max(0.0) * 1e3) as u64;
         let session = Session::new(&hello.name, hello.manner, life, self.options.any_source, &self.options.texts);
         connection.client = Some(Named { id, name: hello.name, session, told: Vec::new() });
@@ -468,7 +472,8 @@ impl Gateway {
     ) -> io::Result<bool> {
         for packets in 0..PACKETS_A_ROUND {
             let at = monotonic_nanos();
-            if !connection.flush(at)? {
+            let mail = connection.client.as_ref().and_then(|client| round.host.broker.last_given(client.id));
+            if !connection.flush(at, mail.unwrap_or_default())? {
                 // Once there is room, the poller says so.
                 return Ok(packets > 0);
             }
@@ -531,7 +536,7 @@ impl Gateway {
         }
         for token in self.connections.keys().copied().collect::<Vec<_>>() {
             let Some(connection) = self.connections.get_mut(&token) else { continue };
-            connection.tidy(USUAL_BUFFER);
+            connection.tidy(at);
             if let Some(why) = overdue(connection, at)
                 && let Some(connection) = self.connections.remove(&token)
             {
@@ -573,9 +578,9 @@ fn hello(connection: &mut Connection) -> Result<Option<Hello>, End> {
         Some(Err(reason)) => reason,
         None => "its first packet is empty".to_owned(),
     };
-    put_poison(&reason, connection.out(at));
+    put_poison(&reason, connection.out(at).bytes());
     // It is let go of all the same.
-    let _ = connection.flush(at);
+    let _ = connection.flush(at, &[]);
     Err(End::For(reason))
 }
 

@@ -6,6 +6,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | [`message`], [`packet`], [`hello`] | the protocol: a message, a stream of packets, the handshake; bytes in, bytes out |
+//! | [`outgoing`] | packets on their way to a client, whose long values stay where they lie |
 //! | [`text`] | typed values as MOOS writes them, `Key=Value`, and back |
 //! | [`session`] | a client that was let in: what it says becomes frames for the broker, and its mail packets |
 //! | [`gateway`] | the sockets, beside the broker's other transport and in its process |
@@ -15,6 +16,7 @@ pub mod client;
 pub mod gateway;
 pub mod hello;
 pub mod message;
+pub mod outgoing;
 pub mod packet;
 pub mod session;
 pub mod text;

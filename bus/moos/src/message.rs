@@ -132,6 +132,16 @@ impl<'a> Message<'a> {
     pub fn put(&self, out: &mut Vec<u8>) {
         let len = self.encoded_len();
         out.reserve(len);
+        self.put_head(len, out);
+        out.extend_from_slice(self.value);
+    }
+
+    /// Appends all but the bytes of its value, which come last.
+    pub(crate) fn put_without_value(&self, out: &mut Vec<u8>) {
+        self.put_head(self.encoded_len(), out);
+    }
+
+    fn put_head(&self, len: usize, out: &mut Vec<u8>) {
         put_i32(out, len as i32);
         put_i32(out, self.id);
         out.extend_from_slice(&[self.kind.0, self.data.0]);
@@ -141,7 +151,7 @@ impl<'a> Message<'a> {
         for number in [self.time, self.number, self.second] {
             out.extend_from_slice(&number.to_le_bytes());
         }
-        put_text(out, self.value);
+        put_i32(out, self.value.len() as i32);
     }
 
     /// The message that `bytes` are, no more and no less.

@@ -15,51 +15,14 @@ pub const HEADER: usize = 9;
 pub const GREETING_LEN: usize = 32;
 /// What it says, filled up with zeros; in either case.
 const GREETING: &[u8] = b"ELKS CAN'T DANCE 2/8/10";
+/// Room that a stream's next bytes have in any case (bytes).
+const LEAST_ROOM: usize = 4 << 10;
 
 /// A client's first bytes.
 pub fn greeting() -> [u8; GREETING_LEN] {
     let mut bytes = [0; GREETING_LEN];
     bytes[..GREETING.len()].copy_from_slice(GREETING);
     bytes
-}
-
-/// A packet that is being written at the end of a buffer.
-pub struct PacketWriter<'a> {
-    out: &'a mut Vec<u8>,
-    start: usize,
-    messages: i32,
-}
-
-impl<'a> PacketWriter<'a> {
-    /// Begins one.
-    pub fn new(out: &'a mut Vec<u8>) -> Self {
-        let start = out.len();
-        out.extend_from_slice(&[0; HEADER]);
-        Self { out, start, messages: 0 }
-    }
-
-    /// Adds a message.
-    pub fn put(&mut self, message: &Message<'_>) {
-        message.put(self.out);
-        self.messages += 1;
-    }
-
-    /// Bytes so far.
-    pub fn written(&self) -> usize {
-        self.out.len() - self.start
-    }
-
-    /// Ends it; whether there is one: a packet without messages is never sent, MOOS' clients look at the first one unasked.
-    pub fn finish(self) -> bool {
-        let Self { out, start, messages } = self;
-        if messages == 0 {
-            out.truncate(start);
-            return false;
-        }
-        let header = header(out.len() - start, messages);
-        out[start..start + HEADER].copy_from_slice(&header);
-        true
-    }
 }
 
 /// The header of a packet of `len` bytes, itself included.
@@ -72,9 +35,8 @@ pub(crate) fn header(len: usize, messages: i32) -> [u8; HEADER] {
 
 /// Appends a packet with this one message.
 pub fn put_packet(out: &mut Vec<u8>, message: &Message<'_>) {
-    let mut packet = PacketWriter::new(out);
-    packet.put(message);
-    packet.finish();
+    out.extend_from_slice(&header(HEADER + message.encoded_len(), 1));
+    message.put(out);
 }
 
 /// What comes next in a stream.
@@ -149,9 +111,12 @@ enum Stage {
 /// Cuts a stream of bytes into messages, whatever pieces it comes in.
 #[derive(Debug)]
 pub struct Decoder {
+    /// What has come and has not been read lies at `at..end`; behind it is room.
     bytes: Vec<u8>,
-    /// Where what has not been read begins.
     at: usize,
+    end: usize,
+    /// Bytes that came last.
+    came: usize,
     stage: Stage,
     longest: usize,
 }
@@ -159,7 +124,7 @@ pub struct Decoder {
 impl Decoder {
     /// The decoder of what a client says, from its greeting on; messages of more than `longest` bytes are passed over.
     pub fn of_client(longest: usize) -> Self {
-        Self { bytes: Vec::new(), at: 0, stage: Stage::Greeting, longest }
+        Self { bytes: Vec::new(), at: 0, end: 0, came: 0, stage: Stage::Greeting, longest }
     }
 
     /// The decoder of what a server says.
@@ -169,22 +134,28 @@ impl Decoder {
 
     /// Takes in the next bytes of the stream.
     pub fn extend(&mut self, bytes: &[u8]) {
-        self.drop_what_was_read();
-        self.bytes.extend_from_slice(bytes);
+        self.room(bytes.len()).copy_from_slice(bytes);
+        self.end += bytes.len();
     }
 
-    /// Takes in what a stream has to give at once, up to `most` bytes: how many came, and what came instead of more.
-    pub fn read_from(&mut self, stream: impl Read, most: usize) -> (usize, io::Result<()>) {
-        self.drop_what_was_read();
-        self.bytes.reserve(most);
-        let before = self.bytes.len();
-        let end = stream.take(most as u64).read_to_end(&mut self.bytes);
-        (self.bytes.len() - before, end.map(drop))
+    /// Takes in what a stream has to give at once: `most` bytes, or the rest of a message that has begun and is longer. Room
+    /// is made by what has come, twice as much: who announces much and says little takes none. Answers how many bytes came;
+    /// 0: there will be no more.
+    ///
+    /// # Errors
+    /// Those of the stream.
+    pub fn read_from(&mut self, mut stream: impl Read, most: usize) -> io::Result<usize> {
+        let have = self.unread();
+        let of_a_message = self.lacking().min(have.max(self.bytes.len() - have));
+        let wanted = of_a_message.max((2 * self.came).max(LEAST_ROOM).min(most));
+        self.came = stream.read(self.room(wanted))?;
+        self.end += self.came;
+        Ok(self.came)
     }
 
     /// Bytes of the message that has begun, as far as it is kept, that have not come yet.
     pub fn lacking(&self) -> usize {
-        let have = self.bytes.len() - self.at;
+        let have = self.unread();
         match self.stage {
             Stage::Messages { left, messages, .. } if messages > 0 && have >= 4 => {
                 let bytes = message_len(i32_at(&self.bytes, self.at), left, messages).unwrap_or(0);
@@ -194,9 +165,26 @@ impl Decoder {
         }
     }
 
+    /// Bytes that have come and have not been read.
+    pub fn unread(&self) -> usize {
+        self.end - self.at
+    }
+
+    /// Room for so many bytes behind what has not been read.
+    fn room(&mut self, bytes: usize) -> &mut [u8] {
+        if self.bytes.len() - self.end < bytes {
+            self.drop_what_was_read();
+        }
+        let needed = self.end + bytes;
+        if self.bytes.len() < needed {
+            self.bytes.resize(needed, 0);
+        }
+        &mut self.bytes[self.end..needed]
+    }
+
     fn drop_what_was_read(&mut self) {
-        self.bytes.drain(..self.at);
-        self.at = 0;
+        self.bytes.copy_within(self.at..self.end, 0);
+        (self.at, self.end) = (0, self.unread());
     }
 
     /// Bytes that it holds room for.
@@ -207,6 +195,7 @@ impl Decoder {
     /// Gives room back that nothing lies in.
     pub fn shrink(&mut self) {
         self.drop_what_was_read();
+        self.bytes.truncate(self.end);
         self.bytes.shrink_to_fit();
     }
 
@@ -216,7 +205,7 @@ impl Decoder {
     /// See [`StreamError`]; there is nothing to be had of this stream any more.
     pub fn next_event(&mut self) -> Result<Option<Event<'_>>, StreamError> {
         loop {
-            let have = self.bytes.len() - self.at;
+            let have = self.unread();
             match self.stage {
                 Stage::Greeting => {
                     let Some(greeting) = self.take(GREETING_LEN) else { return Ok(None) };
@@ -272,7 +261,7 @@ impl Decoder {
     }
 
     fn take(&mut self, len: usize) -> Option<&[u8]> {
-        let taken = self.bytes.get(self.at..self.at + len)?;
+        let taken = self.bytes[self.at..self.end].get(..len)?;
         self.at += len;
         Some(taken)
     }

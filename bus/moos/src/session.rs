@@ -11,7 +11,7 @@ use elk_proto::wire::{self, Frame, FrameKind};
 
 use crate::hello::Manner;
 use crate::message::{Data, Kind, Message, REQUEST_ID};
-use crate::packet::PacketWriter;
+use crate::outgoing::{Outgoing, PacketWriter};
 use crate::text::{Forms, Texts};
 use down::Down;
 pub use down::data_of;
@@ -79,10 +79,18 @@ impl Session {
     }
 
     /// Takes a message of the client's, the `first` of its packet or a later one; what it says to the broker is appended
-    /// to `batch`. Bytes are of the type that their variable carries in the broker.
-    pub fn take(&mut self, message: &Message<'_>, first: bool, context: &mut Context<'_>, batch: &mut Vec<u8>) {
+    /// to `batch`, but for a long value: that one's frame, which comes behind what is in `batch`, is answered, and the value
+    /// stays where it lies. Bytes are of the type that their variable carries in the broker.
+    pub fn take<'a>(
+        &mut self,
+        message: &Message<'a>,
+        first: bool,
+        context: &mut Context<'_>,
+        batch: &mut Vec<u8>,
+    ) -> Option<Frame<'a>> {
+        let mut long = None;
         let said = match message.kind {
-            Kind::NOTIFY => self.up.notify(message, context, batch),
+            Kind::NOTIFY => self.up.notify(message, context, batch).map(|frame| long = frame),
             Kind::REGISTER => self.up.register(message, FrameKind::Register, batch),
             Kind::UNREGISTER => self.up.register(message, FrameKind::Unregister, batch),
             Kind::WILDCARD_REGISTER => self.up.wildcard(message, FrameKind::Register, batch),
@@ -100,6 +108,7 @@ impl Session {
         if let Err(refusal) = said {
             self.refuse(refusal);
         }
+        long
     }
 
     /// A packet of the client's is over.
@@ -167,7 +176,7 @@ impl Session {
     }
 
     /// Appends the next packet to `out`: the server's clock (`time`, s) if it is owed, then the mail in `batch`, as the
-    /// broker gave it, then `answers`. Whether there is any.
+    /// broker gave it, where its long values stay, then `answers`. Whether there is any.
     pub fn put_packet(
         &mut self,
         time: f64,
@@ -175,9 +184,9 @@ impl Session {
         broker: &Broker,
         forms: &mut Forms,
         answers: &mut dyn Answers,
-        out: &mut Vec<u8>,
+        out: &mut Outgoing,
     ) -> bool {
-        let mut packet = PacketWriter::new(out);
+        let mut packet = PacketWriter::new(out, batch);
         match self.manner {
             Manner::Synchronous => {
                 self.replies_due = self.replies_due.saturating_sub(1);

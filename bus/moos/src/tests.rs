@@ -1,10 +1,13 @@
 //! The protocol against the bytes that a MOOSDB was seen to send, and against itself.
 
+use std::io::{self, Read};
+
 use proptest::prelude::*;
 
 use crate::hello::{Hello, Manner, Welcome, put_poison};
 use crate::message::{Data, Kind, Message, MessageError, SHORTEST};
-use crate::packet::{Decoder, Event, HEADER, PacketWriter, StreamError, greeting, put_packet};
+use crate::outgoing::{Outgoing, PacketWriter};
+use crate::packet::{Decoder, Event, HEADER, StreamError, greeting, put_packet};
 
 const LONGEST: usize = 1 << 16;
 
@@ -86,9 +89,10 @@ fn an_empty_message_is_the_shortest_and_a_packet_without_any_is_not_sent() {
     let mut bytes = Vec::new();
     empty.put(&mut bytes);
     assert_eq!((bytes.len(), empty.encoded_len()), (SHORTEST, SHORTEST));
-    let mut out = vec![1, 2, 3];
-    assert!(!PacketWriter::new(&mut out).finish());
-    assert_eq!(out, [1, 2, 3]);
+    let mut out = Outgoing::default();
+    out.bytes().extend([1, 2, 3]);
+    assert!(!PacketWriter::new(&mut out, b"").finish());
+    assert_eq!(out.to_bytes(b"").unwrap(), [1, 2, 3]);
     assert_eq!(of_server(&hex("09000000 00000000 00")).0, ["End"], "and whoever sends one is understood all the same");
 }
 
@@ -115,6 +119,60 @@ fn lengths_that_cannot_be_are_errors_and_hold_no_memory() {
     assert_eq!(message(137), None);
 }
 
+/// A stream that gives so many bytes at a time, and counts how often it was asked.
+struct Slow<'a> {
+    rest: &'a [u8],
+    piece: usize,
+    asked: usize,
+}
+
+impl Read for Slow<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.asked += 1;
+        let len = buffer.len().min(self.piece).min(self.rest.len());
+        let (now, rest) = self.rest.split_at(len);
+        buffer[..len].copy_from_slice(now);
+        self.rest = rest;
+        Ok(len)
+    }
+}
+
+#[test]
+fn a_long_message_is_read_at_once_where_the_one_before_it_lay() {
+    const MOST: usize = 1 << 14;
+    let value = vec![7; 20 * MOST];
+    let mut bytes = Vec::new();
+    put_packet(&mut bytes, &Message { value: &value, ..Message::new(Kind::NOTIFY, Data::BINARY) });
+    let mut decoder = Decoder::of_server(value.len() + SHORTEST);
+    for asked in [11, 2] {
+        let mut stream = Slow { rest: &bytes, piece: usize::MAX, asked: 0 };
+        let mut found = Vec::new();
+        while found.is_empty() {
+            assert!(decoder.read_from(&mut stream, MOST).unwrap() > 0);
+            found = heard(&mut decoder).0;
+        }
+        assert_eq!((found.len(), stream.asked <= asked, decoder.unread()), (2, true, 0), "{}", stream.asked);
+    }
+    assert_eq!(decoder.read_from(io::empty(), MOST).unwrap(), 0);
+    decoder.shrink();
+    assert_eq!(decoder.capacity(), 0);
+}
+
+#[test]
+fn room_is_made_by_what_has_come_and_not_by_what_is_announced() {
+    const LEN: i32 = 1 << 30;
+    let announced = [(LEN + 9).to_le_bytes(), 1_i32.to_le_bytes()].concat();
+    let mut bytes = [&announced[..], &[0], &LEN.to_le_bytes()].concat();
+    bytes.resize(30_000, 0);
+    let mut decoder = Decoder::of_server(LEN as usize);
+    let mut stream = Slow { rest: &bytes, piece: 1000, asked: 0 };
+    while decoder.read_from(&mut stream, 1 << 16).unwrap() > 0 {
+        assert_eq!(heard(&mut decoder), (Vec::new(), None));
+        assert!(decoder.capacity() <= 4 * decoder.unread() + 8192, "{} {}", decoder.capacity(), decoder.unread());
+    }
+    assert_eq!(decoder.lacking(), LEN as usize - (30_000 - HEADER));
+}
+
 #[test]
 fn a_text_that_reaches_beyond_its_message_is_an_error() {
     let mut bytes = Vec::new();
@@ -131,12 +189,13 @@ fn a_text_that_reaches_beyond_its_message_is_an_error() {
 #[test]
 fn a_message_that_is_too_long_is_passed_over_and_the_next_is_heard() {
     let value = vec![7; LONGEST];
-    let mut bytes = Vec::new();
-    let mut packet = PacketWriter::new(&mut bytes);
+    let mut out = Outgoing::default();
+    let mut packet = PacketWriter::new(&mut out, b"");
     let message = Message::new(Kind::NOTIFY, Data::BINARY);
     packet.put(&Message { value: &value, ..message });
     packet.put(&Message { value: b"small", ..message });
     packet.finish();
+    let bytes = out.to_bytes(b"").unwrap();
     let mut decoder = Decoder::of_server(LONGEST);
     let mut all = Vec::new();
     for piece in bytes.chunks(1000) {
@@ -181,10 +240,10 @@ proptest! {
         packets in proptest::collection::vec(proptest::collection::vec(any_message(), 1..6), 1..6),
         pieces in proptest::collection::vec(1_usize..70, 1..20),
     ) {
-        let mut bytes = Vec::new();
+        let mut out = Outgoing::default();
         let mut expected = Vec::new();
         for messages in &packets {
-            let mut packet = PacketWriter::new(&mut bytes);
+            let mut packet = PacketWriter::new(&mut out, b"");
             for (index, message) in messages.iter().enumerate() {
                 packet.put(&message.message());
                 expected.push(format!("{:?}", Event::Message { message: message.message(), first: index == 0 }));
@@ -192,19 +251,26 @@ proptest! {
             prop_assert!(packet.finish());
             expected.push("End".to_owned());
         }
-        let (mut decoder, mut rest, mut found) = (Decoder::of_server(LONGEST), &bytes[..], Vec::new());
+        let bytes = out.to_bytes(b"").unwrap();
+        let [mut found, mut read] = [Vec::new(), Vec::new()];
+        let [mut decoder, mut reader] = [(); 2].map(|()| Decoder::of_server(LONGEST));
+        let mut rest = &bytes[..];
         for len in pieces.iter().cycle() {
             if rest.is_empty() {
                 break;
             }
             let (piece, behind) = rest.split_at((*len).min(rest.len()));
             decoder.extend(piece);
+            prop_assert_eq!(reader.read_from(piece, LONGEST).unwrap(), piece.len());
             rest = behind;
-            let (heard, error) = heard(&mut decoder);
-            prop_assert_eq!(error, None);
-            found.extend(heard);
+            for (decoder, found) in [(&mut decoder, &mut found), (&mut reader, &mut read)] {
+                let (heard, error) = heard(decoder);
+                prop_assert_eq!(error, None);
+                found.extend(heard);
+            }
         }
-        prop_assert_eq!(found, expected);
+        prop_assert_eq!(&found, &expected);
+        prop_assert_eq!(read, expected);
     }
 
     #[test]

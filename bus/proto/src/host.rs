@@ -6,7 +6,7 @@
 //! for the next one, and what the next broker has to find, should this one die, is handed over to be kept.
 
 use crate::broker::{Action, AdmissionError, Broker, BrokerConfig, Introduction, Retained, Session, Succession};
-use crate::wire::{BulkRef, ClientId, WireError};
+use crate::wire::{BulkRef, ClientId, Frame, WireError};
 
 /// How long the sessions of the clients of a broker that died are kept (s, the wall's).
 const SESSIONS_KEPT_SECS: f64 = 10.0;
@@ -136,6 +136,22 @@ impl Host {
         endpoints: &mut impl Endpoints,
     ) -> Result<(), WireError> {
         let taken = self.broker.receive(now, from, batch);
+        self.heed(endpoints);
+        taken
+    }
+
+    /// Takes one message of a client's in, whose parts need not lie in a batch.
+    ///
+    /// # Errors
+    /// It cannot be.
+    pub fn receive_message(
+        &mut self,
+        now: f64,
+        from: ClientId,
+        message: &Frame<'_>,
+        endpoints: &mut impl Endpoints,
+    ) -> Result<(), WireError> {
+        let taken = self.broker.receive_message(now, from, message);
         self.heed(endpoints);
         taken
     }

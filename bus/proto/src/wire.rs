@@ -204,8 +204,21 @@ pub struct Frame<'a> {
     pub aux: &'a [u8],
     /// The value.
     pub value: &'a [u8],
-    /// The whole frame, padding included.
+    /// The whole frame, padding included; empty: it is in no batch (see [`Frame::apart`]).
     pub bytes: &'a [u8],
+}
+
+impl<'a> Frame<'a> {
+    /// A frame whose parts lie somewhere, and not behind each other in a batch.
+    pub fn apart(header: Header, aux: &'a [u8], value: &'a [u8]) -> Self {
+        Self { header, aux, value, bytes: &[] }
+    }
+
+    /// Bytes that it takes in a batch.
+    #[inline]
+    pub fn encoded_len(&self) -> usize {
+        frame_len(self.aux.len(), self.value.len())
+    }
 }
 
 /// Bytes that are no frames.

@@ -5,7 +5,8 @@ use std::net::TcpStream;
 
 use elk_bus::moos::hello::{Hello, Manner};
 use elk_bus::moos::message::{Data, Kind, Message, REQUEST_ID};
-use elk_bus::moos::packet::{HEADER, PacketWriter, greeting};
+use elk_bus::moos::outgoing::{Outgoing, PacketWriter};
+use elk_bus::moos::packet::{HEADER, greeting};
 
 use crate::common::events::Patience;
 use crate::server::{Heard, MOMENT, Served};
@@ -115,11 +116,11 @@ fn i32_at(bytes: &[u8], at: usize) -> i32 {
 
 /// The bytes of one packet.
 pub fn packet(messages: &[Message<'_>]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut packet = PacketWriter::new(&mut bytes);
+    let mut out = Outgoing::default();
+    let mut packet = PacketWriter::new(&mut out, b"");
     messages.iter().for_each(|message| packet.put(message));
     packet.finish();
-    bytes
+    std::mem::take(out.bytes())
 }
 
 /// A number that is published.

@@ -4,6 +4,7 @@
 
 use elk_bus::broker::{Broker, BrokerConfig};
 use elk_bus::moos::hello::{Hello, Manner};
+use elk_bus::moos::outgoing::Outgoing;
 use elk_bus::moos::packet::{Decoder, Event};
 use elk_bus::moos::session::{Context, Session};
 use elk_bus::moos::text::{Forms, Texts};
@@ -12,7 +13,7 @@ use elk_bus::{Introduction, Payload, TypeRef, wire};
 use libfuzzer_sys::fuzz_target;
 
 /// The longest message that is taken (bytes).
-const LONGEST: usize = 1 << 12;
+const LONGEST: usize = 1 << 15;
 
 /// What one of elk's apps reads in `POSE`, whose values are texts here.
 #[elk_bus::payload]
@@ -44,7 +45,10 @@ fuzz_target!(|data: &[u8]| {
     let mut decoder = Decoder::of_client(LONGEST);
     decoder.extend(&elk_bus::moos::packet::greeting());
     for piece in said.chunks(usize::from(*piece).max(1)) {
-        decoder.extend(piece);
+        match any_source & 2 {
+            0 => decoder.extend(piece),
+            _ => assert_eq!(decoder.read_from(piece, 1 << 16).unwrap(), piece.len()),
+        }
         assert!(decoder.capacity() <= 4 * LONGEST + 1024, "what is announced is not held");
         let mut batch = Vec::new();
         loop {
@@ -52,7 +56,10 @@ fuzz_target!(|data: &[u8]| {
                 Ok(Some(Event::Message { message, first })) => {
                     let _ = Hello::read(&message);
                     let mut context = Context { id, broker: &mut broker, forms: &mut forms };
-                    session.take(&message, first, &mut context, &mut batch);
+                    if let Some(long) = session.take(&message, first, &mut context, &mut batch) {
+                        broker.receive(1.0, id, &std::mem::take(&mut batch)).expect("whole frames");
+                        broker.receive_message(1.0, id, &long).expect("a whole frame");
+                    }
                 }
                 Ok(Some(Event::End)) => session.end_packet(),
                 Ok(Some(Event::TooLong { bytes })) => session.note_too_long(bytes, LONGEST),
@@ -71,14 +78,14 @@ fn hear(broker: &mut Broker, id: wire::ClientId, session: &mut Session, forms: &
     if !session.may_be_told() {
         return;
     }
-    let (mut mail, mut out) = (Vec::new(), Vec::new());
+    let (mut mail, mut out) = (Vec::new(), Outgoing::default());
     broker.take_mail(id, usize::MAX, &mut mail, |_, _| {});
     if !session.put_packet(1.0, &mail, broker, forms, &mut (), &mut out) {
         assert!(out.is_empty());
         return;
     }
     let mut decoder = Decoder::of_server(usize::MAX);
-    decoder.extend(&out);
+    decoder.extend(&out.to_bytes(&mail).expect("it is made of this mail"));
     let mut messages = 0;
     while let Some(event) = decoder.next_event().expect("what a client is told is a packet") {
         messages += usize::from(matches!(event, Event::Message { .. }));

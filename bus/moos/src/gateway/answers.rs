@@ -5,7 +5,7 @@ use elk_proto::types::Type;
 use elk_proto::wire::{self, BULK, ValueKind};
 
 use crate::message::{Data, Kind, Message, NO_NUMBER, REQUEST_ID};
-use crate::packet::PacketWriter;
+use crate::outgoing::PacketWriter;
 use crate::session::{Answers, Request, data_of};
 use crate::text::{Form, Texts};
 

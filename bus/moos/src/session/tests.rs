@@ -5,6 +5,7 @@ use elk_proto::wire::{self, ClientId, Header};
 
 use super::*;
 use crate::message::{NO_ID, NO_NUMBER};
+use crate::outgoing::Outgoing;
 use crate::packet::{Decoder, Event};
 use crate::text::Texts;
 
@@ -49,17 +50,20 @@ impl Town {
         let mut batch = Vec::new();
         for (index, message) in messages.iter().enumerate() {
             let mut context = Context { id: who.id, broker: &mut self.broker, forms: &mut self.forms };
-            who.session.take(message, index == 0, &mut context, &mut batch);
+            if let Some(long) = who.session.take(message, index == 0, &mut context, &mut batch) {
+                self.broker.receive(self.now, who.id, &std::mem::take(&mut batch)).unwrap();
+                self.broker.receive_message(self.now, who.id, &long).unwrap();
+            }
         }
         who.session.end_packet();
         self.broker.receive(self.now, who.id, &batch).unwrap();
     }
 
     fn packet(&mut self, who: &mut Citizen) -> Option<Vec<u8>> {
-        let (mut batch, mut out) = (Vec::new(), Vec::new());
+        let (mut batch, mut out) = (Vec::new(), Outgoing::default());
         self.broker.take_mail(who.id, usize::MAX, &mut batch, |_, _| {});
         let any = who.session.put_packet(self.now, &batch, &self.broker, &mut self.forms, &mut (), &mut out);
-        any.then_some(out)
+        any.then(|| out.to_bytes(&batch).unwrap())
     }
 
     fn hear(&mut self, who: &mut Citizen) -> Vec<Heard> {
@@ -294,4 +298,34 @@ fn what_is_asked_twice_is_answered_once_and_nobody_clears_the_variables_of_all()
     assert!(!a.session.is_owed());
     town.say(&mut a, &[ask("DB_CLEAR")]);
     assert!(a.session.take_refusals()[0].reason.contains("does not clear"), "said, and not done");
+}
+
+/// A long value stays where it lies on its way in, and on its way out: it is heard in its order, as if it were short.
+#[test]
+fn long_values_are_heard_in_their_order_and_as_they_were_said() {
+    let mut town = Town::new();
+    let [mut a, mut b] = ["a", "b"].map(|name| town.enter(name, Manner::Asynchronous, false));
+    town.say(&mut b, &["X", "SCAN", "LETTER", "N"].map(|key| register(key, 0.0)));
+    town.hear(&mut b);
+    let (bytes, text) = ((0..100_003).map(|i| (i % 251) as u8).collect::<Vec<u8>>(), "ä".repeat(20_000));
+    let says = |key, data, value| Message { key, value, source_aux: b"aux", ..Message::new(Kind::NOTIFY, data) };
+    let says = [
+        says(b"X", Data::STRING, b"before"),
+        says(b"SCAN", Data::BINARY, &bytes),
+        says(b"LETTER", Data::STRING, text.as_bytes()),
+        says(b"X", Data::STRING, b"behind"),
+        // What else a number carries says nothing.
+        Message { number: 7.5, ..says(b"N", Data::DOUBLE, &bytes) },
+        says(b"SCAN", Data::BINARY, &bytes[1..]),
+    ];
+    town.say(&mut a, &says);
+    let heard = town.hear(&mut b);
+    let found: Vec<_> =
+        heard.iter().map(|one| (one.key.as_bytes(), one.data, one.aux.as_str(), &one.value[..])).collect();
+    let expected = says.map(|one| (one.key, one.data, "aux", if one.data == Data::DOUBLE { b"" } else { one.value }));
+    assert!(found == expected, "{:?}", found.iter().map(|one| (one.0, one.3.len())).collect::<Vec<_>>());
+    assert_eq!(heard[4].numbers[1], 7.5);
+    let mut late = town.enter("late", Manner::Asynchronous, false);
+    town.say(&mut late, &[register("SCAN", 0.0)]);
+    assert!(town.hear(&mut late)[0].value == bytes[1..]);
 }

@@ -1,11 +1,12 @@
 //! What a client says, in the broker's words: names become the broker's numbers.
 
 use elk_proto::broker::{Broker, Carried, ITSELF};
-use elk_proto::wire::{self, ClientId, FrameKind, Header, Named, ValueKind};
+use elk_proto::wire::{self, ClientId, Frame, FrameKind, Header, Named, ValueKind};
 
 use super::refusal::Refusal;
 use super::wildcard::Wildcard;
 use crate::message::{Data, Message, NO_NUMBER};
+use crate::outgoing::LONG;
 use crate::text::{Forms, LONGEST_VALUE, Read, Texts};
 
 /// The type of bytes of which MOOS says nothing more.
@@ -65,8 +66,13 @@ impl Up {
         Self { name: name.to_owned(), unnumbered: wire::first_sequence(life), any_source, texts }
     }
 
-    /// A message that the client publishes.
-    pub fn notify(&self, message: &Message<'_>, context: &mut Context<'_>, batch: &mut Vec<u8>) -> Result<(), Refusal> {
+    /// A message that the client publishes; its frame, if its value is so long that it stays where it lies.
+    pub fn notify<'a>(
+        &self,
+        message: &Message<'a>,
+        context: &mut Context<'_>,
+        batch: &mut Vec<u8>,
+    ) -> Result<Option<Frame<'a>>, Refusal> {
         let refused = |reason: &str| Err(Refusal { key: shown(message.key), reason: reason.to_owned() });
         if message.key.is_empty() {
             return refused(NO_NAME);
@@ -109,8 +115,11 @@ impl Up {
             time: read.as_ref().and_then(|(_, read)| read.time).unwrap_or(message.time),
             ..Header::new(FrameKind::Notify)
         };
+        if value_kind != ValueKind::Double && read.is_none() && message.value.len() >= LONG {
+            return Ok(Some(Frame::apart(header, aux, message.value)));
+        }
         wire::put(batch, &header, aux, value);
-        Ok(())
+        Ok(None)
     }
 
     /// Under whose name a message goes out, with what is said of that one. A name that the client may not publish under

@@ -81,7 +81,7 @@ impl Broker {
 
     /// Why a client's message is not taken, if so.
     fn refusal(&self, from: ClientId, header: &Header, frame: &Frame<'_>) -> Option<String> {
-        let (variable, bytes) = (&self.variables[header.key], frame.bytes.len());
+        let (variable, bytes) = (&self.variables[header.key], frame.encoded_len());
         if variable.is_own {
             return Some(format!("{OWN_PREFIX}* are written by the broker alone"));
         }

@@ -348,7 +348,7 @@ impl Broker {
     /// Keeps a message of a client that is joining until it has its session.
     pub(super) fn hold(&mut self, id: ClientId, key: u32, frame: &Frame<'_>) -> Result<(), &'static str> {
         debug_assert_eq!(frame.header.kind, FrameKind::Notify);
-        if self.sessions.held_bytes() + frame.bytes.len() > self.config.limits.mail_bytes {
+        if self.sessions.held_bytes() + frame.encoded_len() > self.config.limits.mail_bytes {
             let name = self.names.keys.name(key).to_owned();
             let reason = "too much is said by clients that wait for the session of another";
             return self.refuse(id, &name, frame.header.sequence, reason);

@@ -55,6 +55,19 @@ impl Broker {
         taken
     }
 
+    /// Takes in one message of a client's, whose parts need not lie in a batch; what cannot be is damage, as in one.
+    pub fn receive_message(&mut self, now: f64, from: ClientId, message: &Frame<'_>) -> Result<(), WireError> {
+        self.reached.clear();
+        let taken = match message.header.kind {
+            FrameKind::Notify => self.notify(now, from, message),
+            _ => Err("what is no message travels in a batch"),
+        };
+        let taken = taken.map_err(|what| WireError { at: 0, what });
+        self.on_much_said(now, from);
+        self.note_unhandled(from);
+        taken
+    }
+
     fn take_in(&mut self, now: f64, from: ClientId, batch: &[u8]) -> Result<(), WireError> {
         let mut at = 0;
         for frame in wire::frames(batch) {

@@ -86,6 +86,11 @@ impl Broker {
         }
     }
 
+    /// The batch that a client was given last, until it has handled it.
+    pub fn last_given(&self, id: ClientId) -> Option<&[u8]> {
+        self.sessions.clients.get(&id)?.mailbox.last_given()
+    }
+
     /// Bytes of all batches that clients were given and have not handled.
     pub fn given_bytes(&self) -> usize {
         self.sessions.given_bytes

@@ -8,6 +8,8 @@ use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Header, Named};
 
 /// Room in the buffer of a batch that is under way for nothing (bytes), beside half of what the batch takes.
 const SPARE_CAPACITY: usize = 1 << 10;
+/// From this length on mail that leaves all at once leaves with its buffer (bytes): below it a copy costs less.
+const LONG: usize = 16 << 10;
 
 /// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
 /// that it was given and has not handled yet.
@@ -300,8 +302,21 @@ impl Mailbox {
             self.left += 1;
             self.given_messages += 1;
         }
-        batch.extend_from_slice(&self.mail[run..self.head]);
+        if self.is_to_leave_whole(run, batch) {
+            std::mem::swap(&mut self.mail, batch);
+            self.head = 0;
+        } else {
+            batch.extend_from_slice(&self.mail[run..self.head]);
+        }
         self.reclaim();
+    }
+
+    /// Whether the run of frames from `run` on is all there is, long, and in a buffer that is no larger than it has to be:
+    /// then it is not copied.
+    fn is_to_leave_whole(&self, run: usize, batch: &[u8]) -> bool {
+        let len = self.mail.len();
+        let is_all = run == 0 && self.head == len && batch.is_empty();
+        is_all && len >= LONG && self.mail.capacity() <= fitting(len)
     }
 
     /// Latest values that there was no room for. They have no position in the mail: nobody waits until they are handled.
@@ -334,12 +349,17 @@ impl Mailbox {
     /// Keeps the batch that [`Mailbox::take`] has filled, until the client has handled it.
     pub fn keep_given(&mut self, mut batch: Vec<u8>) {
         // A buffer that was another batch's may be far larger than this one.
-        if batch.capacity() > SPARE_CAPACITY + batch.len() / 2 * 3 {
+        if batch.capacity() > fitting(batch.len()) {
             batch.shrink_to_fit();
         }
         let (from, before) = self.before_take;
         self.given_bytes += batch.len();
         self.given.push_back(Given { batch, from, until: self.given_messages, before });
+    }
+
+    /// The batch that was kept last.
+    pub fn last_given(&self) -> Option<&[u8]> {
+        self.given.back().map(|given| given.batch.as_slice())
     }
 
     /// At `now` the client has handled so many of the messages that it was ever given; answers the buffers of batches
@@ -489,6 +509,11 @@ fn introduce(known: &mut Known, frame: &[u8], table: &impl Table, batch: &mut Ve
             table.define(what, number, batch);
         }
     }
+}
+
+/// Room that a buffer has at most for a batch of so many bytes.
+fn fitting(bytes: usize) -> usize {
+    SPARE_CAPACITY + bytes / 2 * 3
 }
 
 fn frames_of_messages(batch: &[u8]) -> impl Iterator<Item = Frame<'_>> {

@@ -7,6 +7,9 @@ pub struct Message<'a> {
     pub header: Header,
     fixed: [u8; wire::HEADER],
     rest: &'a [u8],
+    /// The value, where it lies apart from the rest.
+    apart: &'a [u8],
+    len: usize,
 }
 
 impl<'a> Message<'a> {
@@ -14,9 +17,12 @@ impl<'a> Message<'a> {
     /// its client's memory, and be another by now.
     #[inline]
     pub fn new(header: Header, frame: &Frame<'a>) -> Self {
-        debug_assert!(frame.bytes.len() >= wire::HEADER, "a frame begins with its header");
         let fixed = wire::fixed(&header, frame.aux.len(), frame.value.len());
-        Self { fixed, header, rest: frame.bytes.get(wire::HEADER..).unwrap_or_default() }
+        let (rest, apart): (_, &[u8]) = match frame.bytes.get(wire::HEADER..) {
+            Some(rest) => (rest, &[]),
+            None => (frame.aux, frame.value),
+        };
+        Self { fixed, header, rest, apart, len: frame.encoded_len() }
     }
 
     /// A message that was kept.
@@ -28,7 +34,7 @@ impl<'a> Message<'a> {
     /// Bytes of the whole frame.
     #[inline]
     pub fn len(&self) -> usize {
-        self.fixed.len() + self.rest.len()
+        self.len
     }
 
     /// Appends the whole frame.
@@ -37,11 +43,18 @@ impl<'a> Message<'a> {
         buffer.reserve(self.len());
         buffer.extend_from_slice(&self.fixed);
         buffer.extend_from_slice(self.rest);
+        if !self.apart.is_empty() {
+            buffer.extend_from_slice(self.apart);
+            let padding = self.len - self.fixed.len() - self.rest.len() - self.apart.len();
+            buffer.extend_from_slice(&[0; 8][..padding]);
+        }
     }
 
     /// The whole frame.
     pub fn to_bytes(&self) -> Vec<u8> {
-        [&self.fixed, self.rest].concat()
+        let mut bytes = Vec::new();
+        self.append_to(&mut bytes);
+        bytes
     }
 }
 

@@ -121,3 +121,34 @@ fn a_batch_is_handled_when_everybody_it_reached_has_handled_it() {
     handle(b, &mut next, 1);
     assert_eq!(b.handled_batches(a.id), 1);
 }
+
+/// Mail that leaves all at once leaves with its buffer, if it is long.
+#[test]
+fn long_mail_is_the_same_whether_it_leaves_at_once_or_with_something_before_it() {
+    let b = &mut broker();
+    let (mut a, c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "*", "a", 0.0);
+    let long = |n: usize| ((b'a' + n as u8) as char).to_string().repeat(20_000 + n);
+    let mut handled = 0;
+    for n in 0..6 {
+        // Every other time a variable's name comes first, or a second message behind.
+        let key = if n % 2 == 0 { format!("LONG_{n}") } else { "LONG_0".to_owned() };
+        a.text(b, 1.0, &key, &long(n));
+        let also = (n % 3 == 0).then(|| a.text(b, 1.0, "LONG_0", "short"));
+        let mut batch = vec![0; 50_000];
+        batch.clear();
+        b.take_mail(c.id, 1 << 16, &mut batch, |_, _| {});
+        let mail: Vec<_> = frames(&batch).map(Result::unwrap).filter(|f| f.header.kind == FrameKind::Notify).collect();
+        assert_eq!(mail[0].value, long(n).as_bytes(), "{n}");
+        assert_eq!(
+            (mail.len(), mail.last().unwrap().value == b"short"),
+            (1 + usize::from(also.is_some()), also.is_some())
+        );
+        handled += mail.len() as u64;
+        let given = batch.clone();
+        b.keep_given(c.id, batch);
+        assert_eq!((b.last_given(c.id), b.given_bytes()), (Some(&given[..]), given.len()));
+        b.note_handled(1.0, c.id, handled, &mut Vec::new());
+        assert!(b.is_idle(c.id) && b.last_given(c.id).is_none());
+    }
+}
