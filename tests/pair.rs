@@ -175,13 +175,24 @@ fn calibrations_that_are_none_are_said_to_be_so_with_their_files() {
         ("data: [ 200., 0., 158., 0., 200.", "data: [ 0., 0., 158., 0., 200.", "without which the camera is singular"),
         ("[ -0.12, 0., 0. ]", "[ 0., 0., 0. ]", "other.yaml: a baseline of 0 m"),
         ("[ -0.12, 0., 0. ]", "[ 0.12, 0., 0. ]", "are the cameras swapped?"),
+        ("[ -0.12, 0., 0. ]", "[ -120., 0., 0. ]", "a baseline of 120 m: the right camera"),
+        (
+            "data: [ 200., 0., 158.,",
+            "data: [ 200., 0., 9000.,",
+            "lens shows no ray in the middle of its image",
+        ),
         ("[ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]", "[ 1., 0., 0., 0., 1., 0., 0., 0., 2. ]", "other.yaml: line "),
     ] {
         let said = with(from, to);
         assert!(said.contains(words), "{to}: {said}");
     }
     let said = case.refused(&["left.png", "right.png", "-o", "out"]);
-    assert!(said.contains("there is no calibration; right is --calibration CAMERAS.yaml"), "{said}");
+    assert!(said.contains("no calibrations; right is --calibration CAMERAS.yaml"), "{said}");
+    let thrice = ["--calibration", "cameras.yaml"].repeat(3);
+    let said = case.refused(&[&["left.png", "right.png", "-o", "out"], &thrice[..]].concat());
+    assert!(said.contains("3 calibrations; right is --calibration CAMERAS.yaml"), "{said}");
+    let said = case.refused(&["left.png", "right.png", "more.png", "--calibration", "cameras.yaml", "-o", "out"]);
+    assert!(said.contains("\"more.png\" is no parameter: right is Param=Value"), "{said}");
     let said = case.refused(&["left.png", "right.png", "--calibration", "none.yaml", "-o", "out"]);
     assert!(said.contains("cannot read none.yaml: No such file"), "{said}");
     let said = case.refused(&["left.png", "--calibration", "cameras.yaml", "-o", "out"]);

@@ -298,7 +298,16 @@ fn frames_that_are_none_and_frames_of_elsewhere_are_named_counted_and_passed_ove
     let said = play(&elk, &mission(&recording, "<PoseEstimator> ICP </PoseEstimator>"), "estimated");
     assert!(said.contains("frame-000005.depth.png: lost: "), "{said}");
     assert!(said.contains("9 scans of 12 frames, 2 could not be used, 1 with the sensor lost"), "{said}");
-    assert!(summary_of(&elk.run_in("estimated"))["position_error_m"].as_f64().unwrap() < 0.02);
+    let summary = summary_of(&elk.run_in("estimated"));
+    assert!(summary["position_error_m"].as_f64().unwrap() < 0.02, "{summary:#}");
+    let counted = ["frames", "unusable_frames", "lost_frames"].map(|count| summary[count].as_u64());
+    assert_eq!(counted, [Some(12), Some(2), Some(1)], "{summary:#}");
+    // Regression: an estimate that begins where no pose is recorded is somewhere else, and by as much it was said to be off.
+    std::fs::remove_file(recording.join("frame-000000.pose.txt")).unwrap();
+    play(&elk, &mission(&recording, "<PoseEstimator> ICP </PoseEstimator>"), "unposed");
+    let (found, summary) = (poses(&elk, "unposed"), summary_of(&elk.run_in("unposed")));
+    assert!(apart(&found[0], &place(0)) > 1.0, "it begins at the origin: {found:?}");
+    assert!(summary["position_error_m"].as_f64().unwrap() < 0.02, "{summary:#}");
 }
 
 /// The sensor goes through the frames again that the one before it has had, and nobody can tell from the map.

@@ -300,7 +300,10 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
         assert_eq!(words.contains(&missed) && words.contains("(line 10: 3 numbers: a time"), how.is_empty(), "{words}");
         assert_eq!(code, Some(0), "the others make a map: {words}");
     }
-    assert!(summary_of(&elk.run_in("estimated"))["position_error_m"].as_f64().unwrap() < 0.02);
+    let summary = summary_of(&elk.run_in("estimated"));
+    assert!(summary["position_error_m"].as_f64().unwrap() < 0.02, "{summary:#}");
+    let counted = ["frames", "unusable_frames", "lost_frames"].map(|count| summary[count].as_u64());
+    assert_eq!(counted, [Some(11), Some(6), Some(0)], "{summary:#}");
 
     // KITTI's lists have a line for each pair, an empty one among them.
     let numbered = kitti(&elk.folder().join("numbered"));

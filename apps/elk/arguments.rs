@@ -168,6 +168,7 @@ fn time_warp(said: &str) -> Result<f64, String> {
 
 /// `Param=Value`
 pub fn setting(said: &str) -> Result<(String, String), String> {
-    let (name, text) = said.split_once('=').ok_or("right is Param=Value, for example Res=0.05")?;
+    let wrong = || format!("{said:?} is no parameter: right is Param=Value, for example Res=0.05");
+    let (name, text) = said.split_once('=').ok_or_else(wrong)?;
     Ok((name.trim().to_owned(), text.to_owned()))
 }

@@ -45,7 +45,7 @@ pub struct SensorArgs {
     /// Of a pair: the calibration of its cameras, as OpenCV writes it; or twice: the left and the right camera's, as EuRoC does
     #[arg(long, value_name = "FILE")]
     calibration: Vec<PathBuf>,
-    /// Of a pair: the folder for disparities, points and a picture
+    /// Of a pair: the folder for picture.png, disparity.png (16 bits, 256 a pixel), cloud.ply and plan.png
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
@@ -115,8 +115,12 @@ fn read_calibration(paths: &[PathBuf]) -> Result<StereoCalibration> {
         [left, right] => calibration::euroc(&read(left)?, &read(right)?)
             .with_context(|| format!("{}, {}", left.display(), right.display())),
         _ => bail!(
-            "there is no calibration; right is --calibration CAMERAS.yaml (OpenCV), or --calibration LEFT.yaml \
-             --calibration RIGHT.yaml (EuRoC)"
+            "{} calibrations; right is --calibration CAMERAS.yaml (OpenCV), or --calibration LEFT.yaml \
+             --calibration RIGHT.yaml (EuRoC)",
+            match paths.len() {
+                0 => "no".to_owned(),
+                many => many.to_string(),
+            }
         ),
     }
 }

@@ -1,6 +1,6 @@
 //! How far positions lie from the true ones (absolute trajectory error: Sturm et al., IROS 2012).
 
-use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// The rigid motion that takes positions nearest to others (Horn, JOSA A 1987).
 pub fn alignment(from: &[Isometry3<f64>], to: &[Isometry3<f64>]) -> Isometry3<f64> {
@@ -14,7 +14,7 @@ pub fn alignment(from: &[Isometry3<f64>], to: &[Isometry3<f64>]) -> Isometry3<f6
     let svd = spread.svd(true, true);
     let (u, v_t) = (svd.u.unwrap(), svd.v_t.unwrap());
     let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = UnitQuaternion::from_matrix(&(u * mirror * v_t));
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mirror * v_t));
     Isometry3::from_parts((b - rotation * a).into(), rotation)
 }
 

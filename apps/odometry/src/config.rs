@@ -32,8 +32,9 @@ pub struct OdometryConfig {
     /// So many keyframes before those are kept with what they saw, about 0.1 MB each, and taken up again where the cameras have their view again;
     /// 0: none, as of an odometry that recognises nothing.
     pub memory: usize,
-    /// After so many lost pairs in a row the map begins anew where the cameras are supposed to be, with the first pair of which one can be made.
-    pub patience: usize,
+    /// After so many lost pairs in a row the map begins anew where the cameras are supposed to be, with the first pair of which one can be made;
+    /// `None`: never, all pairs to come are looked for in the map that there is.
+    pub patience: Option<u64>,
     /// Of the random numbers by which a consensus is looked for.
     pub seed: u64,
 }
@@ -53,7 +54,7 @@ impl Default for OdometryConfig {
             cover: 0.7,
             window: 10,
             memory: 0,
-            patience: 20,
+            patience: Some(20),
             seed: 1,
         }
     }
@@ -87,7 +88,7 @@ impl OdometryConfig {
         range("cover", self.cover, 0.0, 1.0)?;
         range("window", self.window as f64, 2.0, 100.0)?;
         range("memory", self.memory as f64, 0.0, 1e6)?;
-        range("patience", self.patience as f64, 1.0, 1e9)
+        self.patience.map_or(Ok(()), |patience| range("patience", patience as f64, 1.0, 1e9))
     }
 }
 

@@ -103,7 +103,7 @@ pub struct Odometry {
     motion: Isometry3<f64>,
     /// The last pair that was found, small.
     last: Option<Thumbnail>,
-    lost: usize,
+    lost: u64,
     pairs: u64,
 }
 
@@ -234,7 +234,7 @@ impl Odometry {
 
     /// The map is kept, unless it has been of no use for long and this pair can begin another one.
     fn lost(&mut self, pair: [&Pyramid; 2], small: Thumbnail, lost: Lost) -> Result<Tracked, PairError> {
-        if self.lost >= self.config.patience {
+        if self.config.patience.is_some_and(|patience| self.lost >= patience) {
             let started = self.start(pair, small)?;
             if started == Tracked::Started {
                 return Ok(started);

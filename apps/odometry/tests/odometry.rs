@@ -211,7 +211,7 @@ fn small_images_have_as_many_cells_as_large_ones() {
 #[test]
 fn after_so_many_lost_pairs_the_map_begins_anew() {
     let cameras = Cameras::small();
-    let mut odometry = odometry(&cameras, OdometryConfig { patience: 3, ..OdometryConfig::default() });
+    let mut odometry = odometry(&cameras, OdometryConfig { patience: Some(3), ..OdometryConfig::default() });
     let behind = start() * Isometry3::rotation(Vector3::new(0.0, 3.0, 0.0));
     let step = Isometry3::new(Vector3::new(0.0, 0.0, 0.03), Vector3::zeros());
     let said: Vec<Tracked> = [start(), behind, behind, behind, behind, behind * step]
@@ -231,7 +231,7 @@ fn after_so_many_lost_pairs_the_map_begins_anew() {
 #[test]
 fn a_map_is_not_given_up_for_nothing() {
     let cameras = Cameras::small();
-    let mut odometry = odometry(&cameras, OdometryConfig { patience: 2, ..OdometryConfig::default() });
+    let mut odometry = odometry(&cameras, OdometryConfig { patience: Some(2), ..OdometryConfig::default() });
     let [left, right] = cameras.view(&start(), 0);
     assert_eq!(odometry.track(&left, &right), Ok(Tracked::Started));
     let [dark, darker] = blank(SIZE);

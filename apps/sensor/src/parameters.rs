@@ -226,6 +226,12 @@ pub(crate) const PATIENCE: ParamSpec = param(
     "After so many lost frames in a row VisualOdometry gives up what was seen before them, and the run ends.",
 );
 
+/// After so many lost frames in a row visual odometry gives up.
+pub(crate) fn patience(params: &Params) -> u64 {
+    // The table keeps it positive.
+    params.integer("Patience") as u64
+}
+
 /// How many frames are played; none: all.
 pub(crate) fn frames(params: &Params) -> Option<u64> {
     // The table keeps it positive.

@@ -40,7 +40,7 @@ fn stereo(contrast: f32) -> SimulatedStereo {
 }
 
 fn odometry(stereo: &SimulatedStereo) -> VisualOdometry {
-    let settings = VisualOdometrySettings { rig: *stereo.rig(), size: [320, 240], patience: 1000, memory: 0, seed: 1 };
+    let settings = VisualOdometrySettings { rig: *stereo.rig(), size: [320, 240], patience: None, memory: 0, seed: 1 };
     VisualOdometry::new(settings).unwrap()
 }
 

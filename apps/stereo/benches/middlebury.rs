@@ -1,6 +1,7 @@
 //! Bad pixels and time of the matchers on the four pairs of Middlebury's second evaluation, beside OpenCV's in the same run.
 //!
-//! `ELK_DATA=… cargo bench -p elk-stereo --bench middlebury`; OpenCV where `python3` has it (`pip install opencv-python-headless`). A pixel is bad
+//! `ELK_DATA=… cargo bench -p elk-stereo --bench middlebury`; OpenCV where the Python that `ELK_PYTHON`
+//! names (`python3`) has it (`pip install opencv-python-headless`). A pixel is bad
 //! whose disparity is off by more than 1; what has none is filled with the smaller one of its neighbours in the row, for all
 //! matchers alike (Scharstein and Szeliski 2002). Times are CPU times of the whole way from two grey images to disparities, the least of
 //! `ELK_TURNS` (15), on one thread.
@@ -115,7 +116,8 @@ fn opencv(pairs: &[Pair], turns: usize) -> Option<Vec<(String, Vec<Row>)>> {
         }
     }
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/opencv.py");
-    let output = Command::new("python3").arg(script).arg(folder.path()).arg(turns.to_string()).output().ok()?;
+    let python = std::env::var("ELK_PYTHON").unwrap_or_else(|_| "python3".into());
+    let output = Command::new(python).arg(script).arg(folder.path()).arg(turns.to_string()).output().ok()?;
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     if !output.status.success() {
         return None;
@@ -181,6 +183,8 @@ fn main() {
     show("semi-global", &pairs, &ours(&pairs, turns, semi_global));
     match opencv(&pairs, turns) {
         Some(rows) => rows.iter().for_each(|(name, rows)| show(&format!("OpenCV {name}"), &pairs, rows)),
-        None => println!("OpenCV: skipped, python3 does not have it (pip install opencv-python-headless)"),
+        None => println!(
+            "OpenCV: skipped, no Python has it (pip install opencv-python-headless; ELK_PYTHON names the Python)"
+        ),
     }
 }

@@ -29,6 +29,9 @@ struct Source {
 
 const OUTSIDE: u32 = u32::MAX;
 
+/// The least share of a rectified image that its camera sees. Lenses as they are leave out corners at most.
+const LEAST_SEEN: f64 = 0.1;
+
 /// Why a pair cannot be rectified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RectificationError {
@@ -60,6 +63,25 @@ pub enum RectificationError {
     Axes {
         /// The angle between them.
         degrees: f64,
+    },
+    /// No ray is seen in the middle of an image: the lens' polynomial has no inverse there.
+    #[error(
+        "the {side} lens shows no ray in the middle of its image: are its distortion and its principal point what was calibrated?"
+    )]
+    Lens {
+        /// `left` or `right`.
+        side: &'static str,
+    },
+    /// Next to nothing of a rectified image lies in what its camera sees.
+    #[error(
+        "of the rectified {side} image {:.1} % lie in what its camera sees: at least {:.0} % would be right; are its distortion, its principal \
+         point and its turn to the other one what was calibrated?", share * 100.0, LEAST_SEEN * 100.0
+    )]
+    Coverage {
+        /// `left` or `right`.
+        side: &'static str,
+        /// The share (0 to 1).
+        share: f64,
     },
     /// There is no baseline, or a number is none.
     #[error(transparent)]
@@ -93,8 +115,8 @@ impl Rectification {
         let left_from_rectified = UnitQuaternion::from_rotation_matrix(&axes);
         let right_from_rectified = calibration.right_from_left.rotation * left_from_rectified;
         let focal = (left.focal.iter().sum::<f64>() + right.focal.iter().sum::<f64>()) / 4.0;
-        let middles =
-            [(left, left_from_rectified), (right, right_from_rectified)].map(|(camera, turn)| middle(camera, turn));
+        let middle_of = |side, camera, turn| middle(camera, turn).ok_or(RectificationError::Lens { side });
+        let middles = [middle_of("left", left, left_from_rectified)?, middle_of("right", right, right_from_rectified)?];
         let mean = |axis: usize| (middles[0][axis] + middles[1][axis]) / 2.0;
         let center = |axis: usize| (left.size[axis] - 1) as f64 / 2.0 - focal * mean(axis);
         let rig = Rig::new(focal, [center(1), center(0)], baseline.norm())?;
@@ -102,8 +124,8 @@ impl Rectification {
             rig,
             left_from_rectified,
             size: left.size,
-            left: sources(left, left_from_rectified, &rig),
-            right: sources(right, right_from_rectified, &rig),
+            left: seen("left", sources(left, left_from_rectified, &rig))?,
+            right: seen("right", sources(right, right_from_rectified, &rig))?,
         })
     }
 
@@ -151,11 +173,14 @@ fn common_axes(baseline: Vector3<f64>, right_axis: Vector3<f64>) -> Result<Rotat
     Ok(Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)])))
 }
 
-/// The ray of the middle of a camera's image, in the rectified frame at unit distance.
-fn middle(camera: &Camera, camera_from_rectified: UnitQuaternion<f64>) -> [f64; 2] {
-    let [x, y] = camera.ray(camera.size.map(|side| (side - 1) as f64 / 2.0));
+/// The ray of the middle of a camera's image, in the rectified frame at unit distance, if there is one.
+fn middle(camera: &Camera, camera_from_rectified: UnitQuaternion<f64>) -> Option<[f64; 2]> {
+    let middle = camera.size.map(|side| (side - 1) as f64 / 2.0);
+    let [x, y] = camera.ray(middle);
+    let [column, row] = camera.pixel([x, y]);
     let ray = camera_from_rectified.inverse() * Vector3::new(x, y, 1.0);
-    [ray.x / ray.z, ray.y / ray.z]
+    // A ray that is seen elsewhere, or nowhere, is not the one that was looked for.
+    ((column - middle[0]).hypot(row - middle[1]) < 1.0 && ray.z > 0.0).then(|| [ray.x / ray.z, ray.y / ray.z])
 }
 
 /// Where all rectified pixels come from, row by row.
@@ -171,6 +196,16 @@ fn sources(camera: &Camera, camera_from_rectified: UnitQuaternion<f64>, rig: &Ri
         if is_seen { Source::at(camera.pixel([x, y]), camera.size) } else { Source::NOWHERE }
     };
     (0..height).flat_map(|row| (0..width).map(move |column| source(row, column))).collect()
+}
+
+/// The sources of an image of which enough is seen.
+fn seen(side: &'static str, sources: Vec<Source>) -> Result<Vec<Source>, RectificationError> {
+    let inside = sources.iter().filter(|source| source.pixel != OUTSIDE).count();
+    let share = inside as f64 / sources.len() as f64;
+    match share >= LEAST_SEEN {
+        true => Ok(sources),
+        false => Err(RectificationError::Coverage { side, share }),
+    }
 }
 
 impl Source {
@@ -271,6 +306,14 @@ mod tests {
             said(StereoCalibration { right: small, ..good })
                 .contains("[320, 240] pixels and a right one of [100, 100]")
         );
+
+        // Regression: rectified images of such lenses were black, and it was said that nothing matched.
+        let folded = Distortion { radial: [-500.0, 0.0, 0.0], tangential: [0.0; 2] };
+        let right = Camera { distortion: folded, center: [159.5, 119.5], ..good.right };
+        let folded = said(StereoCalibration { right, ..good });
+        assert!(folded.starts_with("of the rectified right image 0.") && folded.contains("at least 10 %"), "{folded}");
+        let aside = said(StereoCalibration { left: Camera { center: [5000.0, 124.0], ..good.left }, ..good });
+        assert!(aside.starts_with("the left lens shows no ray in the middle"), "{aside}");
 
         let image = |width| Image::from_fn(width, 240, |_, _| 0).unwrap();
         let error = Rectification::new(&good).unwrap().rectify(&image(320), &image(319)).unwrap_err();

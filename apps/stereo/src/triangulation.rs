@@ -22,9 +22,11 @@ pub enum RigError {
         /// What there is in its place, in pixels.
         found: f64,
     },
-    /// No baseline: both cameras see from one place, so that all disparities are 0.
+    /// No baseline: both cameras see from one place, so that all disparities are 0. Or one that no stereo camera has.
     #[error(
-        "a baseline of {found} m: the right camera has to be on the right of the left one, by a positive number of metres"
+        "a baseline of {found} m: the right camera has to be on the right of the left one, by a positive number of metres, at most {}; are these \
+         millimetres?",
+        Rig::MOST_BASELINE
     )]
     Baseline {
         /// What there is in its place, in metres.
@@ -58,6 +60,9 @@ impl Default for Noise {
 }
 
 impl Rig {
+    /// The longest baseline, metres: calibrations whose unit is the millimetre are beyond it.
+    pub const MOST_BASELINE: f64 = 10.0;
+
     /// Two cameras with a common focal length in pixels, the principal point's row and column in pixels, and the distance of the
     /// right one from the left one in metres.
     ///
@@ -65,7 +70,11 @@ impl Rig {
     /// Numbers with which nothing can be triangulated.
     pub fn new(focal: f64, [row, column]: [f64; 2], baseline: f64) -> Result<Self, RigError> {
         let is_length = |length: f64| length.is_finite() && length > 0.0;
-        match (is_length(focal), is_length(baseline), row.is_finite() && column.is_finite()) {
+        match (
+            is_length(focal),
+            is_length(baseline) && baseline <= Self::MOST_BASELINE,
+            row.is_finite() && column.is_finite(),
+        ) {
             (false, _, _) => Err(RigError::Focal { found: focal }),
             (true, false, _) => Err(RigError::Baseline { found: baseline }),
             (true, true, false) => Err(RigError::Center { row, column }),

@@ -507,7 +507,7 @@ fn forward_left_up(pose: &Pose) -> UnitQuaternion<f64> {
     let (forward, right) = (pose.forward(), pose.0.rotation * Vector3::x());
     let up = pose.0.rotation * -Vector3::y();
     let axes = nalgebra::Matrix3::from_columns(&[forward, -right, up]);
-    UnitQuaternion::from_matrix(&axes)
+    UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(axes))
 }
 
 /// A scan as pages are sent it, see `PROTOCOL.md`: of very many points every second, third, …, each as three whole numbers of

@@ -36,7 +36,8 @@ pub struct Playback {
     /// over.
     #[describe(unit = "s")]
     pub next_secs: Option<f64>,
-    /// How far scans lie off the recorded positions, root mean square (m); none: poses are not estimated, or not recorded.
+    /// How far scans lie off the recorded positions, root mean square (m), both ways laid on each other at the first scan of which both are known;
+    /// none: poses are not estimated, or not recorded.
     #[describe(unit = "m")]
     pub off_m: Option<f64>,
     /// Why it ended before its last frame; empty: it did not.

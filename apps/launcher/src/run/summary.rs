@@ -52,8 +52,15 @@ pub struct Summary {
     pub complete: bool,
     /// Why the run ended.
     pub reason: String,
-    /// Of a recording: how far scans lie off the recorded positions, root mean square (m), where poses are estimated.
+    /// Of a recording: how far scans lie off the recorded positions, root mean square (m), where poses are estimated; both ways are laid on each
+    /// other at the first scan of which both are known.
     pub position_error_m: Option<f64>,
+    /// Of a recording: frames that were played.
+    pub frames: Option<u64>,
+    /// Of these, those that could not be used.
+    pub unusable_frames: Option<u64>,
+    /// Of these, those with the sensor lost: the estimator of poses did not find where they were taken.
+    pub lost_frames: Option<u64>,
     /// Scans taken.
     pub scans: u64,
     /// Length of the way (m).
@@ -111,6 +118,9 @@ impl Summary {
             complete,
             reason,
             position_error_m: observed.playback.as_ref().and_then(|playback| playback.off_m),
+            frames: observed.playback.as_ref().map(|playback| playback.frames),
+            unusable_frames: observed.playback.as_ref().map(|playback| playback.bad),
+            lost_frames: observed.playback.as_ref().map(|playback| playback.lost),
             scans,
             path_length_m,
             travel_seconds: observed.travel.as_ref().map(|travel| travel.secs),
@@ -259,7 +269,10 @@ impl fmt::Display for Summary {
             writeln!(f, "  {secs:.1} s on the way at the robot's limits, as computed{stops}")?;
         }
         if let Some(off) = self.position_error_m {
-            writeln!(f, "  positions are {off:.4} m off the recorded ones (root mean square, begun alike)")?;
+            writeln!(
+                f,
+                "  positions are {off:.4} m off the recorded ones (root mean square, alike at the first that was recorded)"
+            )?;
         }
         if let Some(settings) = &self.settings {
             writeln!(f, "  {settings}")?;

@@ -15,8 +15,8 @@ pub struct VisualOdometrySettings {
     pub rig: Rig,
     /// Columns and rows of their images.
     pub size: [usize; 2],
-    /// After so many lost pairs in a row what was seen before is given up.
-    pub patience: usize,
+    /// After so many lost pairs in a row what was seen before is given up; `None`: never.
+    pub patience: Option<u64>,
     /// So many keyframes of before are kept, and taken up again where their views are seen again.
     pub memory: usize,
     /// Of the random numbers by which a consensus is looked for.
@@ -27,6 +27,8 @@ pub struct VisualOdometrySettings {
 pub struct VisualOdometry {
     settings: VisualOdometrySettings,
     odometry: Option<Odometry>,
+    /// How many frames were lost since one was found.
+    lost: u64,
 }
 
 impl VisualOdometry {
@@ -37,7 +39,7 @@ impl VisualOdometry {
     pub fn new(settings: VisualOdometrySettings) -> Result<Self, SetupError> {
         // What is wrong with settings is said before there is a frame.
         begun(&settings, Pose(Isometry3::identity()))?;
-        Ok(Self { settings, odometry: None })
+        Ok(Self { settings, odometry: None, lost: 0 })
     }
 }
 
@@ -59,21 +61,27 @@ impl PoseEstimator for VisualOdometry {
         };
         let tracked = odometry.track(left, right);
         let supposed = odometry.supposed();
+        let lost = std::mem::take(&mut self.lost);
         // One that could not begin with this pair begins with a later one, where that was taken.
         self.odometry = Some(odometry).filter(|_| !begins || tracked == Ok(Tracked::Started));
         match tracked {
             Ok(Tracked::Started) if begins => Located::At(supposed, Vec::new(), AGREED),
             Ok(Tracked::Started) => Located::Apart(format!(
-                "{} frames before it were lost, and it shows nothing of what was seen before them: nobody knows where it is to those",
-                self.settings.patience
+                "{lost} frames before it were lost, and it shows nothing of what was seen before them: nobody knows where it is to those"
             )),
             Ok(Tracked::Found(estimate)) => {
                 let covariance = estimate.covariance.transpose().iter().copied().collect();
                 let health = estimate.health;
                 Located::At(estimate.pose, covariance, health.inliers as f64 / health.of.max(1) as f64)
             }
-            Ok(Tracked::Lost(why)) => Located::Lost(why.to_string()),
-            Err(error) => Located::Bad(error.to_string()),
+            Ok(Tracked::Lost(why)) => {
+                self.lost = lost + 1;
+                Located::Lost(why.to_string())
+            }
+            Err(error) => {
+                self.lost = lost;
+                Located::Bad(error.to_string())
+            }
         }
     }
 }

@@ -8,6 +8,7 @@ mod folder;
 mod frames;
 mod player;
 mod pose;
+mod times;
 
 pub use folder::FolderError;
 pub(crate) use folder::{Line, MOST_FRAMES, Timed, entries, lines, lines_in_order, single};
@@ -16,3 +17,4 @@ pub use frames::Recording;
 pub(crate) use player::tests::player as mostly;
 pub use player::{Advance, Player};
 pub(crate) use pose::{of_line, of_matrix, of_row_euroc, of_rows};
+pub(crate) use times::Times;

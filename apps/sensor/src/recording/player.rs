@@ -3,6 +3,7 @@
 use elk_bus::Describe;
 use elk_geometry::Pose;
 use elk_spatial::CameraInfo;
+use elk_spatial::checks::SUMS;
 use elk_spatial::playback::{Playback, PoseEstimate};
 use nalgebra::Isometry3;
 
@@ -31,8 +32,31 @@ pub struct Player {
     path_length_m: f64,
     /// Why it ends before its last frame; empty: it does not.
     cut: String,
-    /// Squares of the distances from recorded positions (m²), their sum, and how many there are.
-    off: (f64, u64),
+    off: Off,
+}
+
+/// How far estimated positions lie off the recorded ones. An estimate whose first scans have no recorded pose begins somewhere else: both ways are
+/// laid on each other at the first scan of which both are known.
+#[derive(Debug, Default)]
+struct Off {
+    /// recorded · estimated⁻¹ of that scan.
+    recorded_from_estimated: Option<Isometry3<f64>>,
+    /// The sum of the squares of the distances (m²).
+    squares: f64,
+    compared: u64,
+}
+
+impl Off {
+    fn add(&mut self, estimated: &Pose, recorded: &Pose) {
+        let begun = *self.recorded_from_estimated.get_or_insert(recorded.0 * estimated.0.inverse());
+        self.squares += (begun * estimated.position() - recorded.position()).norm_squared();
+        self.compared += 1;
+    }
+
+    /// Root mean square (m); none: nothing could be compared.
+    fn root_mean_square(&self) -> Option<f64> {
+        (self.compared > 0).then(|| (self.squares / self.compared as f64).sqrt())
+    }
 }
 
 /// What came on the way to the next scan.
@@ -49,21 +73,19 @@ impl Player {
     pub fn new(recording: Box<dyn Recording>, estimator: Box<dyn PoseEstimator>, frames: Option<u64>) -> Self {
         let start = Some(recording.start()).filter(|pose| pose.check().is_ok());
         let start = start.unwrap_or(Pose(Isometry3::identity()));
-        let (last, off) = (None, (0.0, 0));
-        let (frames, left) = (0, frames);
         Self {
             recording,
             estimator,
-            left,
+            left: frames,
             start,
-            last,
-            frames,
+            last: None,
+            frames: 0,
             scans: 0,
             bad: 0,
             lost: 0,
             path_length_m: 0.0,
             cut: String::new(),
-            off,
+            off: Off::default(),
         }
     }
 
@@ -122,13 +144,16 @@ impl Player {
     }
 
     fn next_secs(&self) -> Option<f64> {
-        self.recording.next_secs().filter(|_| self.left != Some(0) && self.cut.is_empty())
+        // A time that is none is said of its frame.
+        self.recording
+            .next_secs()
+            .map(|secs| secs.clamp(*SUMS.start(), *SUMS.end()))
+            .filter(|_| self.left != Some(0) && self.cut.is_empty())
     }
 
     /// How far it is, after this command.
     pub fn playback(&self, command: u64) -> Playback {
         let Self { frames, scans, bad, lost, path_length_m, .. } = *self;
-        let (squares, compared) = self.off;
         Playback {
             command,
             frames,
@@ -139,11 +164,20 @@ impl Player {
             pose: self.pose(),
             next_secs: self.next_secs(),
             cut: self.cut.clone(),
-            off_m: (compared > 0).then(|| (squares / compared as f64).sqrt()),
+            off_m: self.off.root_mean_square(),
         }
     }
 
     fn take(&mut self, frame: Frame, estimates: &mut Vec<PoseEstimate>) -> Result<(), BadFrame> {
+        if !SUMS.contains(&frame.secs) {
+            self.bad += 1;
+            let why = format!(
+                "{:e} s after the recording's beginning: at most {:e} s would be right",
+                frame.secs,
+                SUMS.end()
+            );
+            return Err(BadFrame { frame: frame.name, why });
+        }
         let located = match self.estimator.locate(&frame) {
             Located::At(pose, covariance, overlap) => match pose.check() {
                 Ok(()) => Located::At(pose, covariance, overlap),
@@ -192,8 +226,7 @@ impl Player {
             self.path_length_m += (pose.position() - last.position()).norm();
         }
         if let Some(recorded) = recorded.filter(|_| self.estimator.estimates()) {
-            let (squares, compared) = self.off;
-            self.off = (squares + (pose.position() - recorded.position()).norm_squared(), compared + 1);
+            self.off.add(&pose, &recorded);
         }
         let points = frame.points.iter().copied().collect();
         let no_return = frame.no_return.iter().copied().collect();
@@ -204,6 +237,10 @@ impl Player {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use nalgebra::Point3;
+
     use super::*;
     use crate::pose_estimator::Recorded;
 
@@ -212,6 +249,14 @@ pub(crate) mod tests {
         bad: usize,
         left: usize,
         start: Pose,
+        /// The frame with so many behind it is taken at a time that is none.
+        late: Option<usize>,
+    }
+
+    impl Mostly {
+        fn secs(&self, left: usize) -> f64 {
+            if self.late == Some(left) { 1e300 } else { 0.0 }
+        }
     }
 
     impl Recording for Mostly {
@@ -220,7 +265,7 @@ pub(crate) mod tests {
         }
 
         fn next_secs(&self) -> Option<f64> {
-            (self.left > 0).then_some(0.0)
+            self.left.checked_sub(1).map(|left| self.secs(left))
         }
 
         fn next(&mut self) -> Option<Result<Frame, BadFrame>> {
@@ -229,7 +274,7 @@ pub(crate) mod tests {
             Some(match self.left % (self.bad + 1) {
                 0 => Ok(Frame {
                     name,
-                    secs: 0.0,
+                    secs: self.secs(self.left),
                     pose: Ok(Pose(Isometry3::identity())),
                     odometry: None,
                     pair: None,
@@ -245,10 +290,27 @@ pub(crate) mod tests {
         }
     }
 
+    /// Regression: nobody believed how far a recording was that came to such a time, and its mission stood still.
+    #[test]
+    fn a_frame_at_a_time_that_is_none_is_passed_over() {
+        let start = Pose(Isometry3::identity());
+        let recording = Mostly { bad: 0, left: 3, start, late: Some(1) };
+        let mut player = Player::new(Box::new(recording), Box::new(Recorded), None);
+        let (mut scans, mut passed_over) = (0, Vec::new());
+        while player.next_secs().is_some() {
+            assert!(player.playback(scans).check().is_ok(), "{:?}", player.playback(scans));
+            passed_over.extend(player.advance().passed_over);
+            scans += 1;
+        }
+        assert_eq!((player.scans(), player.playback(scans).bad, passed_over.len()), (2, 1, 1));
+        let wanted = "1e300 s after the recording's beginning: at most 1e12 s would be right";
+        assert_eq!((&passed_over[0].frame[..], &passed_over[0].why[..]), ("1", wanted));
+    }
+
     /// A player of a recording of `left` frames, of which so many are bad before each that is none, and that says it begins at x.
     pub(crate) fn player(bad: usize, left: usize, x: f64) -> Player {
         let start = Pose(Isometry3::translation(x, 0.0, 0.0));
-        Player::new(Box::new(Mostly { bad, left, start }), Box::new(Recorded), None)
+        Player::new(Box::new(Mostly { bad, left, start, late: None }), Box::new(Recorded), None)
     }
 
     /// Regression: half a megabyte of a log had a sensor gather millions of bad lines before it said the first.
@@ -271,6 +333,21 @@ pub(crate) mod tests {
         player.seek(7);
         assert_eq!(player.scans(), 7);
         assert_eq!(player.playback(0).frames, 7000);
+    }
+
+    /// Regression: an estimate that begins where no pose is recorded was held against the recorded ones as if it began there.
+    #[test]
+    fn ways_are_laid_on_each_other_where_both_are_known() {
+        let at = |x: f64, yaw: f64| Pose::from_yaw_pitch(Point3::new(x, 0.0, 0.0), yaw, 0.0);
+        let mut off = Off::default();
+        assert_eq!(off.root_mean_square(), None);
+        // The recorded way begins 5 m further on, and looks to the left; both go a metre ahead.
+        off.add(&at(1.0, 0.0), &at(6.0, FRAC_PI_2));
+        assert!(off.root_mean_square().unwrap() < 1e-12);
+        off.add(&at(2.0, 0.0), &Pose::from_yaw_pitch(Point3::new(6.0, 1.0, 0.0), FRAC_PI_2, 0.0));
+        assert!(off.root_mean_square().unwrap() < 1e-12);
+        off.add(&at(2.0, 0.0), &Pose::from_yaw_pitch(Point3::new(6.0, 1.0, 0.3), FRAC_PI_2, 0.0));
+        assert!((off.root_mean_square().unwrap() - 0.3 / 3_f64.sqrt()).abs() < 1e-12);
     }
 
     /// Regression: the start of a recording was said as it was recorded, nobody believed it, and its mission stood still.

@@ -51,7 +51,9 @@ fn of_numbers(numbers: [f64; 16]) -> Result<Pose, String> {
         ));
     }
     let position = matrix.fixed_view::<3, 1>(0, 3).into_owned();
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
+    // The nearest rotation, looked for from one that is near: of half a turn, some are not found from the identity.
+    let near = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let rotation = UnitQuaternion::from_matrix_eps(&rotation, f64::EPSILON, 0, near);
     Ok(Pose(Isometry3::from_parts(position.into(), rotation)))
 }
 
@@ -94,6 +96,9 @@ mod tests {
     fn poses_are_read_and_what_is_none_is_said() {
         let pose = of_matrix("0 0 1 1\n 1 0 0 2\n 0 1 0 3\n 0 0 0 1\n").unwrap();
         assert!((pose.forward() - Vector3::x()).norm() < 1e-12 && pose.position().z == 3.0);
+        // Regression: of half a turn about y there came none.
+        let back = of_matrix("-1 0 0 1  0 1 0 2  0 0 -1 3  0 0 0 1").unwrap();
+        assert!((back.forward() + Vector3::z()).norm() < 1e-12, "{back:?}");
         let said = |text: &str| of_matrix(text).unwrap_err();
         assert_eq!(said("1 2 3"), "3 numbers: 4 rows of 4 would be right");
         assert_eq!(said("1 0 0 nan"), "\"nan\" is no finite number");

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use elk_geometry::Pose;
 use elk_outside::file;
 
-use crate::recording::{FolderError, Line, MOST_FRAMES, Timed, entries, lines, of_line, of_matrix};
+use crate::recording::{FolderError, Line, MOST_FRAMES, Timed, Times, entries, lines, of_line, of_matrix};
 
 /// The longest file of one pose that is read (bytes).
 const LONGEST_POSE: u64 = 1 << 14;
@@ -113,14 +113,14 @@ fn timed(folder: &Path) -> Result<Folder, FolderError> {
     };
     let images = lines(&folder.join(LIST), MOST_FRAMES, image)?;
     let mut last = images.iter().find_map(|line| Some(line.said.as_ref().ok()?.0)).unwrap_or_default();
+    let mut times = Times::new();
     let mut listed = |Line { number, said }: Line<(f64, PathBuf)>| match said {
         Ok((secs, name)) => {
-            let backwards =
-                (secs < last).then(|| format!("a time of {secs} s after one of {last} s: times go forwards"));
-            last = last.max(secs);
+            let forwards = times.next(secs).map_err(|why| format!("{why}: times go forwards"));
+            last = secs;
             Listed {
                 name: name.display().to_string(),
-                depths: backwards.map_or_else(|| Ok(folder.join(&name)), Err),
+                depths: forwards.map(|()| folder.join(&name)),
                 secs: Some(secs),
                 pose: Posed::Known(poses.at(secs)),
             }

@@ -14,8 +14,6 @@ use crate::parameters::{BELIEVED_RANGE, dead_reckoning, look_spacing, memory, no
 use crate::pose_estimator::{Drift, VisualOdometry, VisualOdometrySettings};
 use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
-/// Lost looks after which what was seen before would be given up: a robot that goes back the way it came is not that patient.
-const PATIENCE: usize = 1_000_000_000;
 /// By how much visual odometry errs in these worlds, of way and turn, beside scans that are to make it better.
 const IMAGES_DRIFT: f64 = 0.005;
 const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
@@ -60,7 +58,8 @@ pub(super) fn estimating(params: &Params, stereo: &SimulatedStereo) -> Result<Op
         "VisualOdometry" => {
             let Camera { width, height, .. } = camera(params);
             let (rig, size) = (*stereo.rig(), [width as usize, height as usize]);
-            let settings = VisualOdometrySettings { rig, size, patience: PATIENCE, memory: memory(params), seed };
+            // A robot that is lost goes back to where it knew where it was: what it saw there is never given up.
+            let settings = VisualOdometrySettings { rig, size, patience: None, memory: memory(params), seed };
             let estimating = Estimating::new(VisualOdometry::new(settings)?, look_spacing(params));
             Some(refined(params, estimating, Drift { way: IMAGES_DRIFT, turn: IMAGES_DRIFT, seed })?)
         }

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Translation3};
 use super::images;
 use crate::pose_estimator::level;
 use crate::recording::{
-    FolderError, Line, MOST_FRAMES, Timed, entries, lines_in_order, of_line, of_row_euroc, of_rows, single,
+    FolderError, Line, MOST_FRAMES, Timed, Times, entries, lines_in_order, of_line, of_row_euroc, of_rows, single,
 };
 
 /// The longest calibration that is read (bytes).
@@ -118,19 +118,16 @@ fn kitti(folder: &Path) -> Result<Folder, FolderError> {
     let calibration = single(&projections, LONGEST_CALIBRATION, RIGHT, |text| projected(text, size))?;
     let times = in_order(folder.join("times.txt"), time)?;
     let poses = in_order(folder.join("poses.txt"), of_rows)?;
-    let mut last = f64::NEG_INFINITY;
+    let (mut last, mut times_so_far) = (f64::NEG_INFINITY, Times::new());
     let mut listed = |(stem, images): (String, Images)| {
         let number = stem.parse::<usize>().map_err(|_| format!("its name is no number; {stem:?} stands there"));
         let secs = match (&times, &number) {
             (None, _) | (_, Err(_)) => None,
             (Some(times), Ok(number)) => Some(line(times, *number, "times.txt").copied()),
         };
-        let backwards = secs
-            .iter()
-            .flatten()
-            .find(|secs| **secs < last)
-            .map(|secs| format!("a time of {secs} s after one of {last} s, as times.txt says: times go forwards"));
-        last = secs.iter().flatten().fold(last, |last, secs| last.max(*secs));
+        let backwards = secs.iter().flatten().find_map(|secs| times_so_far.next(*secs).err());
+        let backwards = backwards.map(|why| format!("{why}, as times.txt says: times go forwards"));
+        last = secs.iter().flatten().copied().next().unwrap_or(last);
         let pose = match (&poses, &number) {
             (None, _) => Err("there is no poses.txt, so nobody knows where it was taken".to_owned()),
             (_, Err(why)) => Err(why.clone()),

@@ -16,7 +16,7 @@ use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 
 use crate::app::recorded;
 use crate::matching::{self, matcher};
-use crate::parameters::{BELIEVED_RANGE, MEMORY, PAIR_TRACKING, PATIENCE, RECORDED, frames, memory, param};
+use crate::parameters::{BELIEVED_RANGE, MEMORY, PAIR_TRACKING, PATIENCE, RECORDED, frames, memory, param, patience};
 use crate::pose_estimator::{PoseEstimator, Recorded, VisualOdometry, VisualOdometrySettings};
 use crate::recording::Player;
 use crate::surroundings::range;
@@ -63,7 +63,7 @@ fn player(params: &Params) -> Result<Player, AppError> {
         "VisualOdometry" => Box::new(VisualOdometry::new(VisualOdometrySettings {
             rig: *recording.rig(),
             size: recording.size(),
-            patience: params.integer("Patience") as usize,
+            patience: Some(patience(params)),
             memory: memory(params),
             seed: 1,
         })?),

@@ -170,7 +170,11 @@ impl Entries<'_> {
     fn rotation(&self, name: &'static str, matrix: Matrix3<f64>) -> Result<UnitQuaternion<f64>, CalibrationError> {
         let off = (matrix * matrix.transpose() - Matrix3::identity()).norm();
         match off < 1e-3 && matrix.determinant() > 0.0 {
-            true => Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix))),
+            // The nearest rotation, looked for from one that is near: of half a turn, some are not found from the identity.
+            true => {
+                let near = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+                Ok(UnitQuaternion::from_matrix_eps(&matrix, f64::EPSILON, 0, near))
+            }
             false => Err(self.wrong(name, "a rotation, with columns of length 1 at right angles")),
         }
     }

@@ -78,6 +78,19 @@ fn the_cameras_of_opencv_are_read() {
     assert!((calibration.right_center().coords - Vector3::new(0.12, 0.0, 0.0)).norm() < 1e-12);
 }
 
+/// Regression: of half a turn about y there came none.
+#[test]
+fn a_camera_that_is_turned_half_about_an_axis_is() {
+    for (axis, turn) in [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].into_iter().enumerate() {
+        let [x, y, z] = turn;
+        let text = LEFT.replace("0.0, -1.0, 0.0, -0.02", &format!("{x}, 0.0, 0.0, -0.02"));
+        let text = text.replace("1.0, 0.0, 0.0, -0.06", &format!("0.0, {y}, 0.0, -0.06"));
+        let text = text.replace("0.0, 0.0, 1.0, 0.01", &format!("0.0, 0.0, {z}, 0.01"));
+        let turned = euroc_body_from_camera(&text).unwrap().rotation;
+        assert!((turned * Vector3::new(1.0, 2.0, 3.0) - Vector3::new(x, 2.0 * y, 3.0 * z)).norm() < 1e-12, "{axis}");
+    }
+}
+
 #[test]
 fn what_is_wrong_is_said_with_its_line() {
     let of_euroc = |from: &str, to: &str| euroc(&LEFT.replace(from, to), &right()).unwrap_err().to_string();

@@ -10,6 +10,7 @@ use crate::image::Image;
 use crate::lanes::{blocks, blocks_mut, plus, wide};
 use crate::matcher::{Checks, ConfigError, MatchError, Matcher, common_size};
 use crate::median;
+use crate::preprocessing::Preprocessing;
 use crate::texture;
 use crate::winner::Winners;
 use path::Paths;
@@ -18,6 +19,8 @@ pub use path::Penalties;
 /// How semi-global matching matches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SemiGlobalConfig {
+    /// What is done to both images before costs are measured (thesis 3.2.4).
+    pub preprocessing: Preprocessing,
     /// What steps of disparity cost.
     pub penalties: Penalties,
     /// What is asked of a match.
@@ -27,7 +30,7 @@ pub struct SemiGlobalConfig {
 impl Default for SemiGlobalConfig {
     fn default() -> Self {
         let checks = Checks { uniqueness: 0, similarity: 2.0, ..Checks::default() };
-        Self { penalties: Penalties::default(), checks }
+        Self { preprocessing: Preprocessing::None, penalties: Penalties::default(), checks }
     }
 }
 
@@ -61,6 +64,7 @@ impl SemiGlobal {
     /// Penalties or a search that costs cannot be summed for.
     pub fn new(config: SemiGlobalConfig) -> Result<Self, ConfigError> {
         config.checks.check()?;
+        config.preprocessing.check()?;
         let Penalties { small, large, edge, .. } = config.penalties;
         let max = u8::MAX - cost::MAX;
         match small.max(edge) <= large && large <= max {
@@ -79,7 +83,10 @@ impl Matcher for SemiGlobal {
             return Err(MatchError::Memory { size: (width, height), levels: checks.levels, most: Self::MAX_COSTS });
         }
         let mut values = vec![Unmatched::OutOfRange.code(); width * height];
-        self.scratch.costs.measure(left, right, checks.levels);
+        match self.config.preprocessing {
+            Preprocessing::None => self.scratch.costs.measure(left, right, checks.levels),
+            filter => self.scratch.costs.measure(&filter.apply(left), &filter.apply(right), checks.levels),
+        }
         forwards(left, &self.config, &mut self.scratch);
         backwards(left, &self.config, &mut self.scratch, &mut values);
         texture::reject(left, TEXTURE_RADIUS, checks.texture, &mut values);
