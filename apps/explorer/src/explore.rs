@@ -29,6 +29,7 @@ use nalgebra::Point3;
 use crate::goals::{Goal, Goals};
 use crate::journal::Journal;
 use crate::policy::looks;
+use crate::route_fault::{RouteFault, passable};
 use crate::sight::Sight;
 use crate::space::Space;
 use crate::strategy::{Route, Strategy, View};
@@ -383,15 +384,15 @@ impl Explorer {
         let from = if space.escape.len() > 1 { space.center(start) } else { robot };
         let view = View { space, from, goals, open, changed: changed.as_ref(), sight: self.sight, plan: self.plans };
         let here = is_here.then(|| Route { points: vec![view.from], goal: start });
-        let route = here
-            .or_else(|| self.strategy.plan(&view, &mut self.journal))
-            .and_then(|route| Some((goal_of(&view, &route)?, route)))
-            .or_else(|| {
-                self.journal.fallbacks += 1;
-                let route = view.closest(&mut self.journal)?;
-                Some((goal_of(&view, &route)?, route))
-            });
-        let (goal, route) = route?;
+        let route = match here {
+            Some(here) => Some((goal_of(&view, &here)?, here)),
+            None => self.answer(&view),
+        };
+        let (goal, route) = route.or_else(|| {
+            self.journal.fallbacks += 1;
+            let route = view.closest(&mut self.journal)?;
+            Some((goal_of(&view, &route)?, route))
+        })?;
         self.weighed = self.journal.take_weighed();
         self.weighed.choose(route.goal);
         let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
@@ -402,6 +403,27 @@ impl Explorer {
             way.push(goal.position);
         }
         Some((goal, way))
+    }
+
+    /// What the strategy answers, if it does, and it can be gone; what cannot is said the first time, and counted.
+    fn answer(&mut self, view: &View<'_>) -> Option<(Goal, Route)> {
+        let route = self.strategy.plan(view, &mut self.journal)?;
+        let fault = match (passable(view.space, view.from, &route.points), goal_of(view, &route)) {
+            (Ok(()), Some(goal)) => return Some((goal, route)),
+            (Ok(()), None) => {
+                let end = route.points.last().copied().unwrap_or(view.from);
+                RouteFault::NoGoal { end, goal: view.space.center(route.goal) }
+            }
+            (Err(fault), _) => fault,
+        };
+        if self.journal.faults().0 == 0 {
+            let (name, plan) = (self.strategy.name(), self.plans);
+            tell(format_args!(
+                "{name}: the way of plan {plan} cannot be gone, the closest goal is gone to instead: {fault}"
+            ));
+        }
+        self.journal.blame(self.plans, fault);
+        None
     }
 
     /// The path to follow, and what to do at its end.
@@ -432,16 +454,26 @@ impl Explorer {
     fn stop(&mut self, why: StopReason, scene: &Scene, known: Known) -> Decision {
         let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
-        let Verdict { complete, mut reason } = Verdict::of(why, &left, scene, known.grid, &self.settings);
+        let Verdict { mut complete, mut reason } = Verdict::of(why, &left, scene, known.grid, &self.settings);
         if self.settings.planar {
             let height = scene.space.center(scene.robot()).z;
             reason +=
                 &format!("; explored was the slice of the map at z = {height:.2} m, in which the robot stays (Planar)");
         }
-        let (plans, fallbacks) = (self.plans, self.journal.fallbacks);
+        let (plans, (faults, first)) = (self.plans, self.journal.faults());
+        let fallbacks = self.journal.fallbacks.saturating_sub(faults);
         if fallbacks > 0 {
             reason +=
                 &format!("; {fallbacks} of {plans} plans led to the closest goal, since the strategy had no answer");
+        }
+        if faults > 0 {
+            complete = false;
+            let name = self.strategy.name();
+            let first = first.map(|(plan, fault)| format!(", the first in plan {plan}: {fault}")).unwrap_or_default();
+            reason = format!(
+                "{name} has answered {faults} of {plans} plans with ways that cannot be gone{first}; the closest goal was gone to instead; \
+                 else: {reason}"
+            );
         }
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
