@@ -155,25 +155,51 @@ fn a_program_that_fails_is_a_run_that_failed_with_its_own_words() {
     let prelude = "import json, sys\nprint(json.dumps(dict(register='PLAN_REQUEST')), flush=True)\n\
                    print(json.dumps(dict(ready=True)), flush=True)\n";
     let write = |name: &str, body: &str| std::fs::write(elk.folder().join(name), format!("{prelude}{body}\n")).unwrap();
-    write("raises.py", "for line in sys.stdin:\n    if 'PLAN_REQUEST' in line: raise ValueError('no idea')");
+    let on_request = |what: &str| format!("for line in sys.stdin:\n    if 'PLAN_REQUEST' in line: {what}");
+    write("raises.py", &on_request("raise ValueError('no idea')"));
+    write("ends.py", &on_request("break"));
     write("silent.py", "for line in sys.stdin: pass");
-    write(
-        "wall.py",
-        "for line in sys.stdin:\n    if 'PLAN_REQUEST' in line: print(json.dumps(dict(publish='PLAN', value=7)), flush=True)",
-    );
+    write("seven.py", &on_request("print(json.dumps(dict(publish='PLAN', value=7)), flush=True)"));
+    // Each goes straight to a point, all the time: through what it sees, to no number, and to where no map is.
+    let goes = |to: &str| PLANS.replace("TO", to);
+    write("wall.py", &goes("x + 3 * a, y + 3 * b, z + 3 * c"));
+    write("nan.py", &goes("float('nan'), y, z"));
+    write("far.py", &goes("x + 500, y, z"));
     let path = |name: &str| Path::new(elk.folder()).join(name).display().to_string();
-    let rows: String = ["raises", "silent", "wall"]
-        .map(|name| format!("<Explorer name=\"{name}\" pipe=\"python3 {}\"/>", path(&format!("{name}.py"))))
+    let reasons = [
+        ("raises", "ended with exit code 1: ValueError: no idea"),
+        ("ends", "Explorer ended by itself"),
+        ("silent", "nothing came of the program for 3 s: the explorer does not answer: request 1 has no plan"),
+        ("seven", "PLAN was not taken: this is no Plan: the value is 7; it has to be an object with request"),
+        ("wall", "Controller rejects PLAN #2 by Explorer: path.points is from ("),
+        ("nan", "was not taken: this is no JSON"),
+        ("far", "it has to be near what is known of the map"),
+    ];
+    let rows: String = reasons
+        .map(|(name, _)| format!("<Explorer name=\"{name}\" pipe=\"python3 {}\"/>", path(&format!("{name}.py"))))
         .concat();
     let text = suite(&rows).replace("starts=\"2\"", "starts=\"1\"").replace("60 s", "3 s");
     std::fs::write(elk.folder().join("suite.xml"), text).unwrap();
     let out = elk.command(&["evaluate", "suite.xml", "-o", "out"]).output().unwrap();
     assert_eq!(out.status.code(), Some(1), "{out:?}");
     let csv = std::fs::read_to_string(elk.folder().join("out/runs.csv")).unwrap();
-    for (row, reason) in
-        [(1, "ended with exit code 1: ValueError: no idea"), (2, "the explorer does not answer"), (3, "")]
-    {
-        assert_eq!(cell(&csv, row, "end"), "failed", "{csv}");
-        assert!(csv.lines().nth(row).unwrap().contains(reason), "{reason}: {csv}");
+    for (row, (name, reason)) in reasons.iter().enumerate() {
+        assert_eq!((cell(&csv, row + 1, "strategy"), cell(&csv, row + 1, "end")), (*name, "failed"), "{csv}");
+        assert!(csv.lines().nth(row + 1).unwrap().contains(reason), "{name}: {reason}: {csv}");
     }
+    let wall = csv.lines().find(|line| line.contains(",wall,")).unwrap();
+    assert!(wall.contains("through a wall at (") && wall.contains("that the map calls occupied"), "{wall}");
 }
+
+/// The body of a program that answers each request with a straight way to a point.
+const PLANS: &str = "for said in map(json.loads, sys.stdin):
+    if said.get('mail') == 'PLAN_REQUEST':
+        request = said['value']
+        x, y, z = request['pose']['translation']
+        i, j, k, r = request['pose']['rotation']
+        a, b, c = 2 * (i * k + r * j), 2 * (j * k - r * i), 1 - 2 * (i * i + j * j)  # where it looks
+        here = dict(zip('xyz', (int(c // 0.25) for c in (x, y, z))))
+        go = dict(points=[[x, y, z], [TO]], target=here, unknown=[here], looks=[])
+        motion = dict(name='own', scan_spacing_m=0.5, early_stop=False, look_at_target=True, clearance_m=0.1)
+        plan = dict(request=request['id'], revision=request['revision'], decision=dict(Go=go), motion=motion, cpu_secs=0.0)
+        print(json.dumps(dict(publish='PLAN', value=plan)), flush=True)";

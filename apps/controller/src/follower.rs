@@ -13,7 +13,9 @@ use elk_bus::Invalid;
 use elk_geometry::clearance::{Clearance, TooWide};
 use elk_geometry::{OccupancyGrid, Polyline, Pose, State, Voxel};
 use elk_spatial::Replica;
-use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
+use elk_spatial::checks::{
+    MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, keeps_off_walls, path_in,
+};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
@@ -90,6 +92,8 @@ pub struct Follower {
     requests: u64,
     path_length_m: f64,
     record: Record,
+    /// Where the robot was, and where it was refused to go, last (m, world).
+    refused: Option<[Point3<f64>; 2]>,
     /// A plan from a later revision of the map than the one that is here.
     early: Option<Plan>,
     /// What it waits for is a predecessor's word, which perhaps never came to be said.
@@ -114,6 +118,7 @@ impl Default for Follower {
             requests: 0,
             path_length_m: 0.0,
             record: Record::default(),
+            refused: None,
             early: None,
             inherited: false,
             robot: None,
@@ -249,6 +254,7 @@ impl Follower {
     /// Takes the sensor's word for where the camera is and after how many commands. The leg ends there, and what was asked
     /// is asked anew from there.
     fn go_on_from(&mut self, camera: &CameraPose) -> Vec<Action> {
+        let sent = self.pose.position();
         (self.pose, self.commands) = match &self.awaited {
             // Its last word before the command that is under way.
             Awaited::Map(command) if command.id == camera.command + 1 => (command.pose, command.id),
@@ -266,6 +272,7 @@ impl Follower {
             // Of the step that it did not take, once.
             self.path_length_m -= std::mem::take(&mut leg.step_m);
             leg.ended = Some(if stays { Outcome::Refused } else { Outcome::Cut });
+            self.refused = stays.then_some([place, sent]);
         }
         match &self.awaited {
             Awaited::Plan(request) => self.ask_anew(request.clone()),
@@ -358,10 +365,27 @@ impl Follower {
             Decision::Go(path) => {
                 let grid = self.replica.grid();
                 let way = path_in(grid, &path.points, plan.motion.clearance_m).map_err(Unfit::Path)?;
+                // What was learned since cuts the path; what was known is the plan's own fault, and would come again with the next.
+                if plan.revision == grid.revision() {
+                    keeps_off_walls(grid, self.pose.position(), &way).map_err(Unfit::Path)?;
+                }
+                self.leads_elsewhere(way.at(plan.motion.scan_spacing_m.min(way.length()))).map_err(Unfit::Path)?;
                 self.underway = Some(Underway::new(plan, path, way, grid)?);
                 Ok(vec![self.go_on()])
             }
         }
+    }
+
+    /// That a way whose first step ends at `there` (m, world) is another than the one that the robot was just refused to go: it would be
+    /// refused for ever.
+    fn leads_elsewhere(&self, there: Point3<f64>) -> Result<(), Invalid> {
+        let here = self.pose.position();
+        let again = self.refused.filter(|[from, to]| (from - here).norm() < 1e-6 && (to - there).norm() < 1e-6);
+        again.filter(|_| there != here).map_or(Ok(()), |[_, to]| {
+            let found =
+                format!("to ({:.2}; {:.2}; {:.2}) again, where the sensor has just refused to go", to.x, to.y, to.z);
+            Err(Invalid::new("points", found, "another way"))
+        })
     }
 
     fn last_words(&self, progress: Progress) -> Vec<Action> {

@@ -145,7 +145,8 @@ enum Over {
 /// Rejections come before a standstill, and say why it stands still.
 fn with_last_words(why: String, overheard: &Overheard) -> String {
     let words = overheard.words();
-    let telling = words.iter().rev().find(|line| line.contains(" rejects ") || line.contains("no plan for request"));
+    const TELLING: [&str; 4] = [" rejects ", "no plan for request", " was refused: ", " was not taken: "];
+    let telling = words.iter().rev().find(|line| TELLING.iter().any(|words| line.contains(words)));
     telling.map_or(why.clone(), |line| format!("{why}; before that: {line}"))
 }
 
@@ -195,6 +196,8 @@ impl<'a> Stage<'a> {
                 return Ok(Over::Capped(why));
             }
             if !moved && let Some(program) = self.players.iter().position(|player| player.app.wake_fd().is_some()) {
+                // It is waited for here, and nobody's turn.
+                sign.rest();
                 match self.hear_program(program, limits, stop)? {
                     Ok(()) => continue,
                     Err(why) => return Ok(Over::Failed(why)),

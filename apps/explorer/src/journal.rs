@@ -6,6 +6,7 @@ use elk_spatial::checks::{LARGEST_SUM, MAX_COUNT, MAX_PHASES};
 use elk_spatial::messages::ExplorerMemory;
 
 use crate::goals::Goal;
+use crate::route_fault::RouteFault;
 use crate::weighed::Weighed;
 
 /// What planning cost, what was weighed, and what went wrong on the way.
@@ -21,14 +22,20 @@ pub struct Journal {
     drawings: Vec<Drawing>,
     /// Plans for which the strategy had no answer and the closest goal was taken.
     pub fallbacks: u64,
+    /// The first way that the strategy answered and that cannot be gone, with the number of its plan.
+    fault: Option<(u64, RouteFault)>,
 }
+
+/// The counter of ways that cannot be gone.
+const FAULTS: &str = "ways that cannot be gone";
 
 impl Journal {
     /// An empty one; `clock` gives the seconds of CPU that the thread has used.
     pub fn new(clock: fn() -> f64) -> Self {
         let (phases, counters) = (Vec::new(), Vec::new());
         let (weighed, drawings) = (Weighed::default(), Vec::new());
-        Self { clock, is_to_stop: || false, phases, counters, weighed, is_watched: false, drawings, fallbacks: 0 }
+        let (is_watched, fallbacks, fault) = (false, 0, None);
+        Self { clock, is_to_stop: || false, phases, counters, weighed, is_watched, drawings, fallbacks, fault }
     }
 
     /// `is_to_stop` says whether the process is asked to stop.
@@ -75,6 +82,19 @@ impl Journal {
             None if room => self.counters.push((what.to_owned(), more.min(MAX_COUNT))),
             None => {}
         }
+    }
+
+    /// In plan `plan` the strategy has answered a way that cannot be gone.
+    pub(crate) fn blame(&mut self, plan: u64, fault: RouteFault) {
+        self.count(FAULTS, 1);
+        self.fault.get_or_insert((plan, fault));
+    }
+
+    /// How many ways the strategy has answered that cannot be gone, and the first of them, with the number of its plan, if it is known
+    /// here: a predecessor leaves their number.
+    pub(crate) fn faults(&self) -> (u64, Option<(u64, RouteFault)>) {
+        let count = self.counters.iter().find(|(name, _)| name == FAULTS).map_or(0, |(_, count)| *count);
+        (count.max(u64::from(self.fault.is_some())), self.fault)
     }
 
     /// What was counted, in the order in which it first came.

@@ -4,8 +4,8 @@
 //! [`space`] says where the robot can be, in sets of voxels ([`elk_geometry::set`]), [`goals`] from where each frontier voxel
 //! can be resolved (with [`elk_geometry::visibility`]; what was found before is in [`verdicts`]), all of which is kept from plan
 //! to plan and brought up to date where the map has changed; a [`strategy`] chooses one and a way to it (with
-//! [`elk_geometry::astar`], or with [`elk_field`] in an [`extent`]), and [`policy`] makes of it a path with scans. [`app`] puts
-//! that on the bus, [`program`] makes it a program.
+//! [`elk_geometry::astar`], or with [`elk_field`] in an [`extent`]), and [`policy`] makes of it a path with scans. A way that cannot be gone is its strategy's fault ([`route_fault`]).
+//! [`app`] puts that on the bus, [`program`] makes it a program.
 //!
 //! # A strategy of one's own
 //!
@@ -33,6 +33,7 @@ mod pictures;
 pub mod policy;
 pub mod program;
 mod requests;
+pub mod route_fault;
 pub mod sight;
 pub mod space;
 pub mod strategies;
@@ -54,6 +55,7 @@ pub use journal::Journal;
 pub use nalgebra;
 pub use policy::Policy;
 pub use program::{main, main_with};
+pub use route_fault::RouteFault;
 pub use sight::Sight;
 pub use strategies::{
     ClosestFrontier, InformationGain, Potential, Random, RecedingHorizon, TYPES, Tour, WeightedInformationGain,

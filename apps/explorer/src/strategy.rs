@@ -79,7 +79,8 @@ pub trait Strategy: Send {
     }
 
     /// The way to the goal that it chooses; `None` if it finds none: then the closest goal is taken, and the plan counted
-    /// as a fallback. It is asked after every scan, and may remember what it likes; equal maps should give equal ways.
+    /// as a fallback. It is asked after every scan, and may remember what it likes; equal maps should give equal ways. A way that
+    /// cannot be gone ([`RouteFault`](crate::RouteFault)) is not: the closest goal is taken, and the run is incomplete for it.
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route>;
 
     /// What the next one of its name is to know, after a swap or a death: asked for with every plan, and left beside the

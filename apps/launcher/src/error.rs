@@ -166,13 +166,16 @@ pub enum LaunchError {
     /// Everybody is there, nobody holds the robot, and yet nothing happens.
     #[error(
         "nothing has moved for {secs} s although everybody runs; the last word was {last_word}, and whoever should have \
-         answered did not: what they say is in {}", .folder.display()
+         answered did not{}: what they say is in {}",
+        if .rejection.is_empty() { String::new() } else { format!(" ({})", .rejection) }, .folder.display()
     )]
     Standstill {
         /// How long it was waited.
         secs: u64,
         /// The last message of a step, and whose it was.
         last_word: String,
+        /// What was rejected of it, by whom and why; empty: nothing was.
+        rejection: String,
         /// Where their text logs are.
         folder: PathBuf,
     },

@@ -175,9 +175,9 @@ impl MissionRun<'_> {
             movement.since = Stopwatch::start();
             return Ok(());
         }
-        let last_word = self.listener.observer().last_word.clone();
+        let (last_word, rejection) = self.listener.observer().last_words();
         let (secs, folder) = (STEP_PATIENCE.as_secs(), self.folder.to_owned());
-        Err(LaunchError::Standstill { secs, last_word, folder })
+        Err(LaunchError::Standstill { secs, last_word, rejection, folder })
     }
 
     /// Asks for the whole map, and waits until the sensor has held it against the true world. A sensor that does not

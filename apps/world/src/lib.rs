@@ -7,6 +7,7 @@
 //! | [`polygon`] | polygons of any shape become triangles |
 //! | [`placement`] | a file's units and axes become metres, z up |
 //! | `topology`, `partition`, [`winding`] | what hangs together; walls that bound nothing; faces that look the wrong way are turned over |
+//! | `regions` | what surfaces enclose together that enclose nothing by themselves |
 //! | [`world`], [`bvh`], [`ray`], [`triangle`], `distance` | where surfaces are, and what is free between them |
 //! | `exits`, [`openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
 //! | [`suitability`] | whether a mission can be run in it |
@@ -26,6 +27,7 @@ pub mod placement;
 pub mod polygon;
 pub mod ray;
 pub mod read;
+mod regions;
 pub mod scenery;
 pub mod suitability;
 pub mod surface;

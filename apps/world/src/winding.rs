@@ -37,6 +37,9 @@ const LEAST_LOOKS: usize = 3;
 const MOST_LOOKS: usize = 24;
 /// Shells that are looked at: the largest. The others, crumbs beside them, are taken to be as those are.
 const MOST_SHELLS: usize = 4096;
+/// A shell with less than this share of the world's surface is taken for a sheet if it cannot be told how it is turned: a screw
+/// does not make a room unusable.
+const CRUMB: f64 = 1e-3;
 /// So many times as many faces have to say one thing as the other.
 const CLEARLY: usize = 9;
 
@@ -101,8 +104,14 @@ pub(crate) fn mend(
     let others_wrong = most_are_wrong(&orientations, around).unwrap_or(inside_out);
     let mut winding = Winding { shells: topology.shells.len(), inside_out, solids, ..Winding::default() };
     let mut is_sheet = vec![false; surfaces.triangles().len()];
+    let whole: f64 = surfaces.triangles().iter().map(|triangle| triangle.normal().norm()).sum();
     for (i, (shell, orientation)) in topology.shells.iter().zip(&orientations).enumerate() {
-        if *orientation == Orientation::Sheet {
+        let is_doubtful = || {
+            let is_mixed = *orientation == Orientation::Unclear && shell.conflict.is_some() && !shell.closed;
+            let crumb = || area(shell, surfaces.triangles(), |_| true) < CRUMB * whole;
+            is_mixed && by_area(shell, &topology.against, surfaces.triangles()).is_none() && crumb()
+        };
+        if *orientation == Orientation::Sheet || is_doubtful() {
             winding.sheets += 1;
             shell.triangles.iter().for_each(|&i| is_sheet[i] = true);
             continue;
@@ -166,13 +175,15 @@ fn looked_at(shells: &[Shell], boxes: &[Bounds], around: usize) -> Vec<usize> {
     all
 }
 
+/// Twice the area of those of its triangles that are meant (m²).
+fn area(shell: &Shell, triangles: &[Triangle], is_meant: impl Fn(usize) -> bool) -> f64 {
+    let those = shell.triangles.iter().filter(|&&i| is_meant(i));
+    those.map(|&i| triangles[i].normal().norm()).sum()
+}
+
 /// Whether those that are turned against the first have nearly all of the area; `None`: neither has.
 fn by_area(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> Option<bool> {
-    let area = |wanted: bool| -> f64 {
-        let those = shell.triangles.iter().filter(|&&i| against[i] == wanted);
-        those.map(|&i| triangles[i].normal().norm()).sum()
-    };
-    let (with, against) = (area(false), area(true));
+    let [with, against] = [false, true].map(|wanted| area(shell, triangles, |i| against[i] == wanted));
     let clearly = CLEARLY as f64;
     match () {
         () if with >= clearly * against => Some(false),

@@ -13,7 +13,8 @@ use crate::partition::partitions;
 use crate::placement::Placement;
 use crate::ray::Ray;
 use crate::read::{self, Fault, Format, MAX_FILE_BYTES, Notice, Soup};
-use crate::topology::{Rim, Topology};
+use crate::regions::Regions;
+use crate::topology::{Rim, Shell, Topology};
 use crate::triangle::{Triangle, bounds_of};
 use crate::units::{self, shown};
 use crate::winding::{self, PROBES, Winding};
@@ -55,6 +56,10 @@ pub struct World {
     surfaces: Bvh,
     /// The surfaces that something is in; `None`: all of them. Sheets have free space on both sides.
     bounding: Option<Bvh>,
+    /// Some of them are open, and enclose nothing by themselves.
+    has_open_shells: bool,
+    /// What they enclose together, once somebody asked; `None`: the world is open.
+    regions: OnceLock<Option<Regions>>,
     extents: Bounds,
     reading: Reading,
     /// Where surfaces end, once it is known.
@@ -227,8 +232,10 @@ impl World {
         }
         let reading = Reading { polygons: triangles.len(), ..Reading::default() };
         let (surfaces, order) = Bvh::with_order(triangles);
-        let (rims, openness) = Default::default();
-        Ok((Self { extents, surfaces, bounding: None, reading, rims, openness }, order))
+        let (rims, openness, regions) = Default::default();
+        let world =
+            Self { extents, surfaces, bounding: None, has_open_shells: false, regions, reading, rims, openness };
+        Ok((world, order))
     }
 
     /// Turns faces over that look the wrong way. `copies` says of each how often it is in the file.
@@ -240,12 +247,14 @@ impl World {
             topology = Topology::of(self.surfaces.triangles(), &self.extents);
         }
         let mended = winding::mend(&mut self.surfaces, &topology, &self.extents);
-        self.rims = OnceLock::from(first_rims(topology));
         let (winding, is_sheet) = mended.map_err(|winding::Undecided { edge }| WorldError::Winding {
             name: name.into(),
             edge,
             digits: self.digits(),
         })?;
+        let bounds_openly = |shell: &Shell| !shell.closed && shell.triangles.iter().any(|&i| !is_sheet[i]);
+        let has_open_shells = !winding.solids && topology.shells.iter().any(bounds_openly);
+        self.rims = OnceLock::from(first_rims(topology));
         self.reading.winding = winding;
         if winding.sheets > 0 {
             let all = self.surfaces.triangles().iter().zip(&is_sheet);
@@ -259,6 +268,7 @@ impl World {
         if !parting.is_empty() {
             self.put_up(parting, partitions.len());
         }
+        self.has_open_shells = has_open_shells;
         Ok(())
     }
 
@@ -339,13 +349,25 @@ impl World {
         self.surfaces.nearest(&Ray::new(origin, direction)).map(|(t, _)| t)
     }
 
-    /// Whether `point` (m, world) is inside the shell and in no solid: whether its winding number is negative, by a
-    /// majority of directions, since a single ray may count an edge twice, or leave an open world. Where walls are
-    /// solids and there is no shell, it is enough to be in no solid.
+    /// Whether `point` (m, world) is inside the shell and in no solid. Where surfaces are open and yet enclose something together,
+    /// it is that which counts; else the winding number.
     pub fn is_free(&self, point: Point3<f64>) -> bool {
         if !self.extents.contains(point) {
             return false;
         }
+        let enclosed = self.regions().and_then(|regions| regions.is_free(&self.surfaces, point));
+        enclosed.unwrap_or_else(|| self.is_free_by_winding(point))
+    }
+
+    /// What open surfaces enclose together.
+    fn regions(&self) -> Option<&Regions> {
+        let regions = || Regions::of(&self.surfaces, &self.extents, |place| self.is_free_by_winding(place));
+        self.has_open_shells.then(|| self.regions.get_or_init(regions).as_ref()).flatten()
+    }
+
+    /// Whether the winding number of `point` is negative, by a majority of directions, since a single ray may count an edge twice,
+    /// or leave an open world. Where walls are solids and there is no shell, it is enough to be in no solid.
+    fn is_free_by_winding(&self, point: Point3<f64>) -> bool {
         let outside = i32::from(self.reading.winding.solids);
         winding::majority(&PROBES, |&direction| self.winding(point, direction.into()) < outside)
     }

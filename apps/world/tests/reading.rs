@@ -345,6 +345,58 @@ fn open_ground_is_free_above() {
     }
 }
 
+/// Regression: of two faces of a screw of 2 cm it could not be told which is right, and so a conference room was refused.
+#[test]
+fn a_small_thing_whose_faces_are_turned_against_each_other_is_a_sheet() {
+    let ground = "v -50 -50 3\nv 50 -50 3\nv 50 50 3\nv -50 50 3\nv 0 0 0\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    let flap =
+        "v 1 1 5\nv 1.02 1 5\nv 1.02 1.02 5\nv 1 1.02 5\nv 1.04 1 5.01\nv 1.04 1.02 5.01\nf 6 7 8 9\nf 7 8 11 10\n";
+    let world = of("ground.obj", format!("{ground}{flap}")).unwrap();
+    assert_eq!(world.reading().winding.sheets, 1);
+    assert!(world.is_free(Point3::new(1.01, 1.01, 1.0)));
+    assert!(
+        world.cast(Point3::new(1.01, 1.01, 5.5), -Vector3::z()).is_some_and(|t| (t - 0.5).abs() < 1e-9),
+        "it is there"
+    );
+}
+
+/// A room as models of buildings have it: each wall a face by itself, beside others but not joined to them, here all turned
+/// outwards; in it a block without an underside, and a floor above that of the box around all.
+///
+/// Regression: in such a house a robot was refused to go where nothing was, as rays downwards crossed two floors.
+#[test]
+fn what_walls_enclose_together_is_free_however_they_are_turned() {
+    let quad = |corners: [[f64; 3]; 4]| {
+        let points: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        points + "f -4 -3 -2 -1\n"
+    };
+    // The lower and the upper corner of a block, its faces apart by 2 mm at their edges, looking outwards.
+    let faces = |[x0, y0, z0]: [f64; 3], [x1, y1, z1]: [f64; 3]| {
+        let g = 0.002;
+        [
+            quad([[x0 + g, y0 + g, z1], [x1 - g, y0 + g, z1], [x1 - g, y1 - g, z1], [x0 + g, y1 - g, z1]]),
+            quad([[x0 + g, y0, z0 + g], [x1 - g, y0, z0 + g], [x1 - g, y0, z1 - g], [x0 + g, y0, z1 - g]]),
+            quad([[x1, y0 + g, z0 + g], [x1, y1 - g, z0 + g], [x1, y1 - g, z1 - g], [x1, y0 + g, z1 - g]]),
+            quad([[x1 - g, y1, z0 + g], [x0 + g, y1, z0 + g], [x0 + g, y1, z1 - g], [x1 - g, y1, z1 - g]]),
+            quad([[x0, y1 - g, z0 + g], [x0, y0 + g, z0 + g], [x0, y0 + g, z1 - g], [x0, y1 - g, z1 - g]]),
+            quad([[x0 + g, y1 - g, z0], [x1 - g, y1 - g, z0], [x1 - g, y0 + g, z0], [x0 + g, y0 + g, z0]]),
+        ]
+    };
+    let room = faces([0.0; 3], [6.0, 4.0, 3.0]).concat();
+    let block = faces([2.0, 1.0, 0.01], [3.0, 2.0, 1.0])[..5].concat();
+    let floor = quad([[0.0, 0.0, 0.01], [6.0, 0.0, 0.01], [6.0, 4.0, 0.01], [0.0, 4.0, 0.01]]);
+    let world = of("room.obj", format!("{room}{block}{floor}")).unwrap();
+    for x in 1..12 {
+        for y in 1..8 {
+            for z in 1..6 {
+                let place = Point3::new(f64::from(x) * 0.5 - 0.2, f64::from(y) * 0.5 - 0.2, f64::from(z) * 0.5 + 0.01);
+                let in_block = (2.0..=3.0).contains(&place.x) && (1.0..=2.0).contains(&place.y) && place.z < 1.0;
+                assert_eq!(world.is_free(place), !in_block, "{place:?}");
+            }
+        }
+    }
+}
+
 /// Two faces under the open sky, one turned over: nothing says which is right.
 #[test]
 fn faces_turned_against_each_other_are_refused_where_nothing_decides() {

@@ -72,10 +72,48 @@ impl Iterator for Traversal {
     }
 }
 
+/// How far (as a share of its edge) a segment has to be inside a voxel to lead through it.
+const THROUGH: f64 = 0.1;
+
+/// The voxels of edge `resolution` (m) that the segment from `from` to `to` (m, world) leads through, by more than a tenth of their edge
+/// inside all their faces: rounding decides of none of them, and it cuts no corner.
+pub fn led_through(from: Point3<f64>, to: Point3<f64>, resolution: f64) -> impl Iterator<Item = Voxel> {
+    Traversal::new(from, to, resolution).filter(move |voxel| leads_through(from, to, *voxel, resolution))
+}
+
+/// Whether it leads through this one.
+pub(crate) fn leads_through(from: Point3<f64>, to: Point3<f64>, voxel: Voxel, resolution: f64) -> bool {
+    let half = (0.5 - THROUGH) * resolution;
+    let (center, way) = (voxel.center(resolution), to - from);
+    let mut part = (0.0_f64, 1.0_f64);
+    for axis in 0..3 {
+        let ends = [center[axis] - half - from[axis], center[axis] + half - from[axis]];
+        part = match way[axis] == 0.0 {
+            true if ends[0] <= 0.0 && ends[1] >= 0.0 => part,
+            true => return false,
+            false => {
+                let [one, other] = ends.map(|end| end / way[axis]);
+                (part.0.max(one.min(other)), part.1.min(one.max(other)))
+            }
+        };
+    }
+    part.0 <= part.1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn what_is_led_through_is_no_corner() {
+        let at = |x: f64, y: f64| Point3::new(x, y, 0.05);
+        let through = |from, to| led_through(from, to, 0.1).map(|voxel| [voxel.x, voxel.y]).collect::<Vec<_>>();
+        assert_eq!(through(at(0.05, 0.05), at(0.35, 0.05)), [[0, 0], [1, 0], [2, 0], [3, 0]]);
+        assert_eq!(through(at(0.05, 0.05), at(0.251, 0.25)), [[0, 0], [1, 1], [2, 2]], "no neighbour of a diagonal");
+        assert_eq!(through(at(0.05, 0.005), at(0.25, 0.005)), [[0i32; 2]; 0], "along their faces");
+        assert_eq!(through(at(0.05, 0.05), at(0.05, 0.05)), [[0, 0]]);
+    }
 
     fn coordinate() -> impl Strategy<Value = f64> {
         prop_oneof![-3.0..3.0f64, (-30..30i32).prop_map(|i| f64::from(i) * 0.1)]

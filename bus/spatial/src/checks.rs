@@ -11,7 +11,8 @@ use elk_bus::Invalid;
 pub use elk_bus::describe::MAX_COUNT;
 use elk_geometry::clearance::{self, Clearance};
 use elk_geometry::limits::check_point;
-use elk_geometry::{OccupancyGrid, Polyline, Voxel};
+use elk_geometry::ray::led_through;
+use elk_geometry::{OccupancyGrid, Polyline, State, Voxel};
 use nalgebra::Point3;
 
 /// What a check comes to.
@@ -143,6 +144,24 @@ pub fn path_in(grid: &OccupancyGrid, points: &[Point3<f64>], clearance_m: f64) -
     let longest = 2.0 * 3f64.sqrt() * resolution * (grid.free() + 100) as f64;
     number("points", way.length(), 0.0..=longest, " m of way in a map of this size")?;
     Ok(way)
+}
+
+/// That a way leads through nothing that the map calls occupied, but for the voxel that the robot at `from` (m, world) is in.
+///
+/// # Errors
+/// Where it does.
+pub fn keeps_off_walls(grid: &OccupancyGrid, from: Point3<f64>, way: &Polyline) -> Result<(), Invalid> {
+    let resolution = grid.resolution();
+    let robot = Voxel::containing(from, resolution);
+    let is_wall = |voxel: &Voxel| *voxel != robot && grid.state(*voxel) == State::Occupied;
+    let walls =
+        |part: &[Point3<f64>]| Some((part[0], part[1], led_through(part[0], part[1], resolution).find(is_wall)?));
+    let shown = |p: Point3<f64>| format!("({:.2}; {:.2}; {:.2})", p.x, p.y, p.z);
+    way.points().windows(2).find_map(walls).map_or(Ok(()), |(from, to, wall)| {
+        let through =
+            format!("from {} to {} through a wall at {}", shown(from), shown(to), shown(wall.center(resolution)));
+        Err(Invalid::new("points", through, "through nothing that the map calls occupied"))
+    })
 }
 
 /// Rays without a return that would be believed farther than any other ray.

@@ -188,6 +188,40 @@ fn a_refused_command_is_said_to_be_one_and_is_no_way() {
 }
 
 /// A robot that goes by an estimate of its pose comes near: the path goes on, and the next plan begins where it is.
+/// Regression: a program that planned through a wall that it knew of, or that the sensor had refused it, was asked for another plan for ever.
+#[test]
+fn a_plan_through_a_known_wall_or_to_where_it_was_just_refused_is_rejected() {
+    let (mut bench, request) = Bench::new();
+    let wall = Voxel::new(12, 2, 2);
+    bench.map.set(wall, State::Occupied);
+    let update = MapUpdate::new(bench.map.advance(&[wall]), 1);
+    bench.follower.on_map(&update).unwrap();
+    let through = plan(&PlanRequest { revision: 2, ..request.clone() }, true);
+    let said = bench.follower.on_plan(&through).unwrap_err().to_string();
+    let wanted = "path.points is from (0.20; 0.25; 0.25) to (3.20; 0.25; 0.25) through a wall at (1.25; 0.25; 0.25); it has to be through \
+                  nothing that the map calls occupied";
+    assert_eq!(said, wanted);
+    // Of a map in which the wall was not known it is none: the path is cut.
+    let cut = request_of(bench.follower.on_plan(&plan(&request, true)));
+    assert_eq!(cut.outcome, Outcome::Cut);
+
+    let (mut bench, request) = Bench::new();
+    let stayed = Pose::looking(at(0.2), Vector3::x());
+    assert!(matches!(bench.follower.on_plan(&plan(&request, true)).as_deref(), Ok([Action::Command(_)])));
+    bench.follower.on_camera_pose(&CameraPose { command: 2, pose: stayed }).unwrap();
+    let refused = self::request(&bench.scan(2, vec![]));
+    let said = bench.follower.on_plan(&plan(&refused, true)).unwrap_err().to_string();
+    assert!(said.contains("again, where the sensor has just refused to go; it has to be another way"), "{said}");
+    let mut aside = plan(&refused, true);
+    let Decision::Go(path) = &mut aside.decision else { panic!() };
+    path.points = vec![at(0.2), Point3::new(0.2, 0.45, 0.25)];
+    assert!(matches!(bench.follower.on_plan(&aside).as_deref(), Ok([Action::Command(_)])), "another way is one");
+}
+
+fn request_of(actions: Result<Vec<Action>, Unfit>) -> PlanRequest {
+    request(&actions.unwrap())
+}
+
 #[test]
 fn a_robot_that_comes_near_to_where_it_was_sent_has_arrived() {
     let (mut bench, first) = Bench::new();

@@ -100,6 +100,8 @@ pub(crate) struct Observer {
     pub steps: StepTimes,
     /// Which message of a step came last, and whose it was.
     pub last_word: String,
+    /// What was rejected of it, by whom and why, as far as anybody has said so since; empty: nothing was.
+    rejection: String,
     /// Since when that is the last one, and whether it asks for a plan.
     pub since_last_word: Option<(Stopwatch, bool)>,
     /// The community's time of the first pose command (s).
@@ -154,11 +156,17 @@ impl Observer {
             self.steps.note(mail.source(), mail.time(), command);
             self.last_word = format!("{} by {}", mail.key(), mail.source());
             self.since_last_word = Some((Stopwatch::start(), mail.is(&PLAN_REQUEST)));
+            self.rejection.clear();
             let time = Some(mail.time()).filter(|time| command && time.is_finite());
             self.first_command = self.first_command.or(time);
         } else if let Err(error) = self.note_report(mail) {
             self.complain(mail, format!("{} by {}: {error}", mail.key(), mail.source()));
         }
+    }
+
+    /// Which message of a step came last, and whose it was; and what was rejected since, by whom and why.
+    pub fn last_words(&self) -> (String, String) {
+        (self.last_word.clone(), self.rejection.clone())
     }
 
     /// Takes up a complaint about a message, if there were less than [`most`] of its variable and writer.
@@ -228,6 +236,9 @@ impl Observer {
     /// What an app says of its own trouble; nothing, when it is over.
     fn note_trouble(&mut self, mail: &Mail<'_>) {
         if let Some(trouble) = mail.as_text().filter(|trouble| !trouble.is_empty()) {
+            if mail.key() == REJECTED {
+                self.rejection = trouble.chars().take(COMPLAINT_LENGTH).collect();
+            }
             self.complain(mail, trouble.to_owned());
         }
     }
@@ -416,6 +427,32 @@ mod tests {
         launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
         assert_eq!(observer.motion, Some(report(7)));
         assert_eq!(observer.complaints, ["MOTION_REPORT by liar: it is not the mission's, and counts for nothing"]);
+    }
+
+    /// What stands still after a plan was rejected stands still for that.
+    #[test]
+    fn what_was_rejected_is_said_until_somebody_goes_on() {
+        let broker = MemoryBroker::new(BrokerConfig::new("rejected"), Clock::new(1.0));
+        let community = Community::new("rejected").unwrap();
+        let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
+        let (mut launcher, mut controller) = (join("launcher"), join("Controller"));
+        let mut observer = Observer { chain: vec![PLAN.name()], ..Observer::default() };
+        observer.register(&mut launcher.comms).unwrap();
+        launcher.comms.flush().unwrap();
+        let why = "Controller rejects PLAN #1 by Explorer: path.points is from here to there through a wall";
+        controller.comms.notify(PLAN.name(), 1.0).unwrap();
+        controller.comms.notify(REJECTED, why).unwrap();
+        controller.comms.flush().unwrap();
+        launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
+        assert_eq!(observer.last_words(), ("PLAN by Controller".to_owned(), why.to_owned()));
+        let (last_word, rejection) = observer.last_words();
+        let said =
+            crate::LaunchError::Standstill { secs: 300, last_word, rejection, folder: "logs".into() }.to_string();
+        assert!(said.contains(&format!("should have answered did not ({why}): what they say")), "{said}");
+        controller.comms.notify(PLAN.name(), 2.0).unwrap();
+        controller.comms.flush().unwrap();
+        launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
+        assert_eq!(observer.last_words().1, "");
     }
 
     #[test]
