@@ -17,7 +17,6 @@ use elk_bus::drawing::Drawing;
 use elk_bus::tell;
 use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Edges;
-use elk_geometry::visibility::glimpsed;
 use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
 use elk_spatial::CameraInfo;
 use elk_spatial::candidates::Candidates;
@@ -41,11 +40,6 @@ use memory::Memory;
 use scene::Scene;
 use slice::slab;
 use verdict::{StopReason, Verdict};
-
-/// From how far what is only glimpsed is looked at in passing (m).
-const GLIMPSE_M: f64 = 2.0;
-/// The longest way that is gone for it, from one such look to the next (m).
-const GLIMPSE_DETOUR_M: f64 = 1.0;
 
 /// Plans, remembers what it tried, and knows when it is done.
 pub struct Explorer {
@@ -310,17 +304,10 @@ impl Explorer {
         if scene.agenda.goals().is_empty() && self.journal.time("space", || scene.back_off()) {
             self.sort_out(scene, known);
         }
-        if let Some(goal) = self.glimpsed_here(scene, known, from) {
-            self.report = None;
-            return Decision::Go(self.path(scene, known, (&goal, true), vec![from; 2]));
-        }
         let far;
-        let mut is_glimpsed = false;
         let goals = match scene.agenda.goals().is_empty() {
             true => {
-                let seen = self.far_goals(scene, known);
-                is_glimpsed = seen.is_empty();
-                far = if is_glimpsed { self.glimpsed_goals(scene, known) } else { seen };
+                far = self.far_goals(scene, known);
                 &far
             }
             false => scene.agenda.goals(),
@@ -328,18 +315,15 @@ impl Explorer {
         if goals.is_empty() {
             return self.stop(StopReason::Explored, scene, known);
         }
-        let open = match self.strategy.looks_from_afar() && !is_glimpsed {
+        let open = match self.strategy.looks_from_afar() {
             true => self.journal.time("goals", || scene.agenda.targets(known, &self.memory)),
             false => Vec::new(),
         };
-        match self.choose((&scene.space, &mut scene.unseen), (goals, &open), (from, is_glimpsed)) {
-            Some((_, way)) if is_glimpsed && length_m(&way) > GLIMPSE_DETOUR_M => {
-                self.stop(StopReason::Explored, scene, known)
-            }
+        match self.choose((&scene.space, &mut scene.unseen), (goals, &open), from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
-                Decision::Go(self.path(scene, known, (&goal, is_glimpsed), way))
+                Decision::Go(self.path(scene, known, &goal, way))
             }
             None => self.stop(StopReason::NoWay, scene, known),
         }
@@ -355,7 +339,7 @@ impl Explorer {
     fn far_goals(&mut self, scene: &mut Scene, known: Known) -> Goals {
         let mut targets = scene.agenda.targets(known, &self.memory);
         let robot = scene.space.start();
-        let away = |target: &Target| squared(target.voxel - robot);
+        let away = |t: &Target| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>();
         targets.sort_by_key(away);
         let (fresh, hidden): (Vec<Target>, Vec<Target>) =
             targets.into_iter().partition(|t| !self.memory.is_hidden(t.voxel));
@@ -365,48 +349,6 @@ impl Explorer {
         let nearer = nearest.map_or(hidden.len(), |nearest| hidden.partition_point(|target| away(target) < nearest));
         let again = self.goals_of(&hidden[..nearer], scene, known);
         if again.is_empty() { goals } else { again }
-    }
-
-    /// Whether what can only be glimpsed is looked at: by who looks once only it would be given up as looked at in vain.
-    fn glimpses(&self) -> bool {
-        self.settings.attempts > 1 && !self.settings.planar
-    }
-
-    /// What is glimpsed from where the robot is (m, world), and is not seen from near by: the nearest. A look costs no way, and a way back
-    /// for it later would.
-    fn glimpsed_here(&mut self, scene: &Scene, known: Known, from: Point3<f64>) -> Option<Goal> {
-        if !self.glimpses() {
-            return None;
-        }
-        let (space, goals, memory, sight) = (&scene.space, scene.agenda.goals(), &self.memory, self.sight);
-        let resolution = space.resolution();
-        self.journal.time("sight", || {
-            let near = known.frontier_near(from, GLIMPSE_M.min(sight.range_m));
-            let hopeful = near.filter(|voxel| !goals.has_near(*voxel) && memory.tried(*voxel).is_empty());
-            let mut near: Vec<(i64, Voxel)> = hopeful.map(|voxel| (squared(voxel - space.start()), voxel)).collect();
-            near.sort_unstable();
-            let is_seen = |voxel: Voxel| {
-                known.unknown_beside(voxel).any(|unknown| glimpsed(&space.free, resolution, from, (unknown, voxel)))
-            };
-            let (_, voxel) = near.into_iter().find(|(_, voxel)| is_seen(*voxel))?;
-            let target = Target::new(known, voxel, Vec::new());
-            Some(Goal { voxel: Voxel::containing(from, resolution), position: from, target })
-        })
-    }
-
-    /// What is left once nothing is seen: what can be glimpsed, in pockets that the robot cannot get to as well, the nearest first.
-    fn glimpsed_goals(&mut self, scene: &mut Scene, known: Known) -> Goals {
-        if !self.glimpses() {
-            return Goals::default();
-        }
-        let mut targets = scene.agenda.targets(known, &self.memory);
-        targets.extend(scene.agenda.in_pockets((known, &scene.space), &self.memory));
-        let robot = scene.space.start();
-        targets.sort_by_key(|target| squared(target.voxel - robot));
-        let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
-        let wanted = targets.iter().take_while(|_| !is_to_stop());
-        let Scene { space, verdicts, .. } = scene;
-        self.journal.time("sight", || Goals::glimpsed(space, range_m, wanted, verdicts))
     }
 
     /// Goals from afar of the first of some targets; what becomes of those that have none is kept and counted.
@@ -433,7 +375,7 @@ impl Explorer {
         &mut self,
         (space, unseen): (&Space, &mut Option<BTreeSet<Voxel>>),
         (goals, open): (&Goals, &[Target]),
-        (robot, is_glimpsed): (Point3<f64>, bool),
+        robot: Point3<f64>,
     ) -> Option<(Goal, Vec<Point3<f64>>)> {
         let start = space.start();
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
@@ -444,12 +386,10 @@ impl Explorer {
         let here = is_here.then(|| Route { points: vec![view.from], goal: start });
         let route = match here {
             Some(here) => Some((goal_of(&view, &here)?, here)),
-            // Of what is only glimpsed the rest of the run is made, and nobody chooses by it.
-            None if is_glimpsed => None,
             None => self.answer(&view),
         };
         let (goal, route) = route.or_else(|| {
-            self.journal.fallbacks += u64::from(!is_glimpsed);
+            self.journal.fallbacks += 1;
             let route = view.closest(&mut self.journal)?;
             Some((goal_of(&view, &route)?, route))
         })?;
@@ -486,14 +426,8 @@ impl Explorer {
         None
     }
 
-    /// The path to follow, and what to do at its end: straight looks where something is only glimpsed, as no centre of what is unknown is in sight.
-    fn path(
-        &mut self,
-        scene: &Scene,
-        known: Known,
-        (goal, is_glimpsed): (&Goal, bool),
-        mut way: Vec<Point3<f64>>,
-    ) -> Path {
+    /// The path to follow, and what to do at its end.
+    fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, mut way: Vec<Point3<f64>>) -> Path {
         if let Some(height) = way.first().map(|robot| robot.z).filter(|_| self.settings.planar) {
             way.iter_mut().for_each(|point| point.z = height);
         }
@@ -506,9 +440,8 @@ impl Explorer {
             let shaped = whole.map(|w| policy.shape(space, (target, range_m), w, fixed));
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
-            let looks = looks(space, known, end, target);
             Path {
-                looks: looks[usize::from(is_glimpsed && looks.len() > 1)..].to_vec(),
+                looks: looks(space, known, end, target),
                 points,
                 target: target.voxel,
                 unknown: target.unknown().collect(),
@@ -560,16 +493,6 @@ impl Explorer {
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
-}
-
-/// The square of a distance (voxels²).
-fn squared(offset: Voxel) -> i64 {
-    offset.to_array().map(|c| i64::from(c).pow(2)).iter().sum()
-}
-
-/// Length of a way (m).
-fn length_m(way: &[Point3<f64>]) -> f64 {
-    way.windows(2).map(|part| (part[1] - part[0]).norm()).sum()
 }
 
 /// The goal that a route leads to, if it leads to one: in the goal's voxel, or where its end sees a target from afar.

@@ -173,29 +173,6 @@ impl Goals {
         (goals, far)
     }
 
-    /// Places from which the first of the targets is glimpsed that were never looked at in vain: a face of what is unknown beside them is seen,
-    /// though not its centre, or only past the corners of what is in the way. One look is all that it is worth.
-    pub fn glimpsed<'a>(
-        space: &Space,
-        range_m: f64,
-        targets: impl IntoIterator<Item = &'a Target>,
-        verdicts: &mut Verdicts,
-    ) -> Self {
-        let mut looks = verdicts.looks(space, LAST_RESORT_M.min(range_m));
-        let (mut goals, mut seen) = (Self::default(), 0);
-        for target in targets.into_iter().filter(|target| target.tried.is_empty()) {
-            let places = looks.glimpses(target);
-            for (voxel, position) in places {
-                goals.put_far(Goal { voxel: *voxel, position: *position, target: target.clone() });
-            }
-            seen += usize::from(!places.is_empty());
-            if seen >= ENOUGH_TARGETS {
-                break;
-            }
-        }
-        goals
-    }
-
     fn ranked(&self, rank: Rank) -> Option<&Goal> {
         match rank {
             Rank::Own(target) | Rank::Standoff(target) => self.near.get(&target),
@@ -236,11 +213,6 @@ impl Goals {
         let far =
             self.far.chunk_by(|one, other| one.target.voxel == other.target.voxel).filter_map(|goals| goals.first());
         self.near.values().chain(far).map(|goal| &goal.target)
-    }
-
-    /// Whether there is a goal near this target.
-    pub(crate) fn has_near(&self, target: Voxel) -> bool {
-        self.near.contains_key(&target)
     }
 
     /// Whether there is none.

@@ -5,7 +5,7 @@ use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
 use elk_geometry::bricks::{BrickHasher, brick_of};
-use elk_geometry::visibility::{Lookout, Place, glimpses};
+use elk_geometry::visibility::{Lookout, Place};
 
 use crate::space::Space;
 use crate::target::Target;
@@ -15,8 +15,6 @@ use crate::target::Target;
 pub struct Verdicts {
     changes: Changes,
     views: ByVoxel<Verdict>,
-    /// From where a face of what is unknown is seen at least.
-    glimpses: ByVoxel<Verdict>,
     /// From where the views were looked for: corners of a box, both in it, that the robot could not leave.
     places: Option<[Voxel; 2]>,
     /// Looks from there.
@@ -64,7 +62,7 @@ impl Changes {
 impl Verdicts {
     /// Takes note that in these bricks the state of a voxel has changed, or whether the robot can get to it.
     pub fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
-        if self.views.is_empty() && self.glimpses.is_empty() {
+        if self.views.is_empty() {
             // Nobody asks for what was before the next look.
             self.changes.in_brick.clear();
         }
@@ -73,7 +71,7 @@ impl Verdicts {
 
     /// For looks into targets from where the robot can be in `space`, at most `range_m` away.
     pub fn looks<'a>(&'a mut self, space: &'a Space, range_m: f64) -> Looks<'a> {
-        let Self { changes, views, glimpses, places, lookout } = self;
+        let Self { changes, views, places, lookout, .. } = self;
         let start = [space.reach.start(); 2];
         let [min, max] = space.reach.corners().unwrap_or(start);
         let [least, most] = places.unwrap_or([min, max]);
@@ -81,69 +79,47 @@ impl Verdicts {
         // What comes to it may be seen where nobody looked; what goes from it was looked at in vain.
         if *places != Some(wide) {
             views.clear();
-            glimpses.clear();
             *places = Some(wide);
         }
         let kept = lookout.take().filter(|lookout| lookout.is_of(range_m));
         let new = kept.unwrap_or_else(|| {
             views.clear();
-            glimpses.clear();
             Lookout::new(range_m, space.resolution())
         });
-        Looks { space, range_m, changes, views, glimpses, lookout: lookout.insert(new.from_within(wide)) }
+        Looks { space, changes, views, lookout: lookout.insert(new.from_within(wide)) }
     }
 
     /// Forgets a target that is none any more.
     pub fn forget(&mut self, target: Voxel) {
         self.views.remove(&target);
-        self.glimpses.remove(&target);
     }
 }
 
 /// Looks from afar.
 pub struct Looks<'a> {
     space: &'a Space,
-    range_m: f64,
     changes: &'a Changes,
     views: &'a mut ByVoxel<Verdict>,
-    glimpses: &'a mut ByVoxel<Verdict>,
     lookout: &'a Lookout,
 }
 
 impl Looks<'_> {
     /// The places from which a target is seen.
     pub fn places(&mut self, target: &Target) -> &[Place] {
-        let Self { space, changes, views, lookout, .. } = self;
-        found(views, changes, target, |unknown| lookout.viewpoints(&space.free, &space.reach, unknown))
+        let Self { space, changes, views, lookout } = self;
+        let known = views.get(&target.voxel).is_some_and(|verdict| changes.leave(verdict, target));
+        if !known {
+            let mut within = [target.voxel; 2];
+            let looks = target.unknown().flat_map(|unknown| {
+                let (places, [least, most]) = lookout.viewpoints(&space.free, &space.reach, unknown);
+                within = [within[0].inf(least), within[1].sup(most)];
+                places
+            });
+            let places = looks.collect();
+            views.insert(target.voxel, Verdict { target: target.clone(), at: changes.now, within, places });
+        }
+        views.get(&target.voxel).map_or(&[], |verdict| &verdict.places)
     }
-
-    /// Places from which a face of what is unknown is seen, though its centre is not, or only past the corners of what is in the way.
-    pub fn glimpses(&mut self, target: &Target) -> &[Place] {
-        let Self { space, range_m, changes, glimpses: kept, .. } = self;
-        let terms = (*range_m, space.resolution());
-        found(kept, changes, target, |unknown| glimpses((&space.free, &space.reach), terms, (unknown, target.voxel)))
-    }
-}
-
-/// The places that see any of the unknown beside a target: those that were found before, if nothing has changed where `look` looked.
-fn found<'a>(
-    kept: &'a mut ByVoxel<Verdict>,
-    changes: &Changes,
-    target: &Target,
-    look: impl Fn(Voxel) -> (Vec<Place>, [Voxel; 2]),
-) -> &'a [Place] {
-    let known = kept.get(&target.voxel).is_some_and(|verdict| changes.leave(verdict, target));
-    if !known {
-        let mut within = [target.voxel; 2];
-        let looks = target.unknown().flat_map(|unknown| {
-            let (places, [least, most]) = look(unknown);
-            within = [within[0].inf(least), within[1].sup(most)];
-            places
-        });
-        let places = looks.collect();
-        kept.insert(target.voxel, Verdict { target: target.clone(), at: changes.now, within, places });
-    }
-    kept.get(&target.voxel).map_or(&[], |verdict| &verdict.places)
 }
 
 #[cfg(test)]
@@ -213,8 +189,6 @@ mod tests {
                     (goals(&found), far)
                 };
                 prop_assert_eq!(far(&mut kept), far(&mut Verdicts::default()));
-                let glimpsed = |verdicts: &mut Verdicts| goals(&Goals::glimpsed(&space, 1.5, &targets, verdicts));
-                prop_assert_eq!(glimpsed(&mut kept), glimpsed(&mut Verdicts::default()));
             }
         }
     }

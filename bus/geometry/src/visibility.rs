@@ -1,7 +1,6 @@
 //! What can be looked into from where, over free voxels.
 
 mod centers;
-mod glimpse;
 mod sweep;
 
 use nalgebra::{Point3, Vector3};
@@ -10,7 +9,6 @@ use crate::ray::Traversal;
 use crate::set::{Near, VoxelSet};
 use crate::voxel::{FACES, Voxel};
 pub use centers::{Line, entered, line};
-pub use glimpse::{glimpsed, glimpses};
 use sweep::{Layers, Rays, axes, first_face};
 
 /// Whether a camera at `from` (m, world) can look into voxel `target` among voxels of `resolution` (m): every voxel before it,

@@ -167,16 +167,6 @@ impl Agenda {
         open.into_iter().map(|voxel| target(known, voxel, memory)).collect()
     }
 
-    /// The frontier in pockets of free voxels that do not touch those that the robot is among, in order.
-    pub fn in_pockets(&self, (known, space): (Known, &Space), memory: &Memory) -> Vec<Target> {
-        let apart = |(brick, standing): (&Voxel, &Standing)| {
-            voxels_of(*brick, mask::without(&standing.all, space.component.brick(*brick)))
-        };
-        let mut apart: Vec<Voxel> = self.standings.iter().flat_map(apart).collect();
-        apart.sort_unstable();
-        apart.into_iter().map(|voxel| target(known, voxel, memory)).collect()
-    }
-
     /// Frontier voxels, by cause, with the targets as what is open.
     pub fn left(&self) -> FrontiersLeft {
         self.left

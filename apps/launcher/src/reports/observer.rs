@@ -436,7 +436,7 @@ mod tests {
         let community = Community::new("rejected").unwrap();
         let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
         let (mut launcher, mut controller) = (join("launcher"), join("Controller"));
-        let mut observer = Observer { chain: vec![PLAN.name()], ..Observer::default() };
+        let mut observer = Observer { chain: vec![PLAN.name().to_owned()], ..Observer::default() };
         observer.register(&mut launcher.comms).unwrap();
         launcher.comms.flush().unwrap();
         let why = "Controller rejects PLAN #1 by Explorer: path.points is from here to there through a wall";
