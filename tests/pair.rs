@@ -176,11 +176,7 @@ fn calibrations_that_are_none_are_said_to_be_so_with_their_files() {
         ("[ -0.12, 0., 0. ]", "[ 0., 0., 0. ]", "other.yaml: a baseline of 0 m"),
         ("[ -0.12, 0., 0. ]", "[ 0.12, 0., 0. ]", "are the cameras swapped?"),
         ("[ -0.12, 0., 0. ]", "[ -120., 0., 0. ]", "a baseline of 120 m: the right camera"),
-        (
-            "data: [ 200., 0., 158.,",
-            "data: [ 200., 0., 9000.,",
-            "lens shows no ray in the middle of its image",
-        ),
+        ("data: [ 200., 0., 158.,", "data: [ 200., 0., 9000.,", "lens shows no ray in the middle of its image"),
         ("[ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]", "[ 1., 0., 0., 0., 1., 0., 0., 0., 2. ]", "other.yaml: line "),
     ] {
         let said = with(from, to);

@@ -29,7 +29,7 @@ impl Strategy {
         let program = if parts.is_empty() { String::new() } else { parts.remove(0) };
         let mut settings = vec![(what_runs(&program)?.to_owned(), program)];
         for part in parts {
-            let parameter = setting(&part).map_err(|right| anyhow!("{words}: {part:?} is no parameter; {right}"))?;
+            let parameter = setting(&part).map_err(|wrong| anyhow!("{words}: {wrong}"))?;
             settings.push(parameter);
         }
         Ok(Self { words: words.to_owned(), settings })
@@ -103,7 +103,7 @@ mod tests {
                 "Climb=2",
                 "Climb=2 is no strategy; right is a parameter in quotes with its strategy, as 'ClosestFrontier Climb=2'",
             ),
-            ("./mine Climb", "./mine Climb: \"Climb\" is no parameter; right is Param=Value"),
+            ("./mine Climb", "./mine Climb: \"Climb\" is no parameter: right is Param=Value"),
             ("./mine 'Climb=2", "is not closed"),
             ("", "is no strategy"),
         ] {

@@ -12,6 +12,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
 use crate::ray::Ray;
+use crate::triangle::Triangle;
 
 /// Cells along the longest side of a world. A world with gaps, as between the slats of a blind, is closed for coarser ones.
 const CELLS: [f64; 3] = [256.0, 128.0, 64.0];
@@ -21,6 +22,10 @@ const SPANNED: f64 = 0.5;
 const LEAST_ROOM: f64 = 0.02;
 /// Places of a room that are asked whether it is one.
 const PLACES: usize = 32;
+/// Cells, in all, that surfaces' boxes may reach into: a million of triangles across a whole world would take hours to draw.
+const MOST_DRAWN: i64 = 1 << 27;
+/// Whoever is not farther from a surface (m) is on it, and nowhere free.
+const ON_IT_M: f64 = 1e-9;
 /// How far cells with a surface in them look for one without (cells).
 const NEAR: i32 = 3;
 
@@ -54,7 +59,7 @@ pub(crate) struct Regions {
 
 impl Regions {
     /// Those of a world with these surfaces, in the finest cells for which it is closed; `is_room` is asked of places in what is
-    /// closed off from the largest room whether they are free. `None`: the world is open.
+    /// closed off from the largest room whether they are free. `None`: the world is open, or cannot be drawn in reasonable time.
     pub fn of(surfaces: &Bvh, extents: &Bounds, is_room: impl Fn(Point3<f64>) -> bool) -> Option<Self> {
         let longest = extents.dim().max();
         let edges = CELLS.iter().map(|cells| longest / cells).filter(|edge| *edge > 0.0);
@@ -68,6 +73,9 @@ impl Regions {
         let margin = Vector3::from(counts.map(|count| f64::from(count) * edge)) - dim;
         let cells = vec![Cell::New; counts.iter().map(|count| *count as usize).product()];
         let mut regions = Self { origin: extents.min - margin / 2.0, edge, counts, cells, near: near() };
+        if regions.cells_around(surfaces) > MOST_DRAWN {
+            return None;
+        }
         regions.draw(surfaces);
         regions.flood([0; 3], Cell::Outside);
         let mut rooms = regions.rooms();
@@ -95,6 +103,9 @@ impl Regions {
         let is_clear = |cell: Cell| cell != Cell::Surface;
         let own = self.index([at.x, at.y, at.z]).map(|index| self.cells[index]);
         let cell = own.filter(|cell| is_clear(*cell)).or_else(|| {
+            if surfaces.distance(place) <= ON_IT_M {
+                return Some(Cell::Surface);
+            }
             let seen = |index: &usize| {
                 let way = self.center(*index) - place;
                 is_clear(self.cells[*index])
@@ -121,15 +132,29 @@ impl Regions {
         self.origin + Vector3::from(self.cell(index).map(|c| f64::from(c) + 0.5)) * self.edge
     }
 
+    /// The lowest and the highest cell that a triangle reaches into.
+    fn cells_of(&self, triangle: &Triangle) -> [[i32; 3]; 2] {
+        let around = triangle.bounds();
+        let corner = |p: Point3<f64>, round: f64| {
+            let at = ((p - self.origin) / self.edge).map(|c| (c + round).floor() as i32);
+            [at.x, at.y, at.z]
+        };
+        [corner(around.min, -1e-9), corner(around.max, 1e-9)]
+    }
+
+    /// How many cells the boxes of all triangles have.
+    fn cells_around(&self, surfaces: &Bvh) -> i64 {
+        let cells = |triangle: &Triangle| {
+            let [low, high] = self.cells_of(triangle);
+            (0..3).map(|axis| i64::from(high[axis] - low[axis]) + 1).product::<i64>()
+        };
+        surfaces.triangles().iter().map(cells).sum()
+    }
+
     /// Marks the cells that surfaces pass through.
     fn draw(&mut self, surfaces: &Bvh) {
         for triangle in surfaces.triangles() {
-            let around = triangle.bounds();
-            let corner = |p: Point3<f64>, round: f64| {
-                let at = ((p - self.origin) / self.edge).map(|c| (c + round).floor() as i32);
-                [at.x, at.y, at.z]
-            };
-            let (low, high) = (corner(around.min, -1e-9), corner(around.max, 1e-9));
+            let [low, high] = self.cells_of(triangle);
             let rows = (low[2]..=high[2]).flat_map(|z| (low[1]..=high[1]).map(move |y| (y, z)));
             for at in rows.flat_map(|(y, z)| (low[0]..=high[0]).map(move |x| [x, y, z])) {
                 let Some(index) = self.index(at) else { continue };
@@ -197,7 +222,7 @@ fn near() -> Vec<[i32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::triangle::{Triangle, bounds_of};
+    use crate::triangle::bounds_of;
 
     /// A face across axis `axis` at `at`, between `low` and `high` along the other two.
     fn face(axis: usize, at: f64, [low, high]: [f64; 2]) -> [Triangle; 2] {
@@ -230,6 +255,7 @@ mod tests {
         let is_free = |place: [f64; 3]| regions.is_free(&surfaces, place.into());
         assert_eq!([[0.5; 3], [3.9, 0.1, 2.0], [0.005, 1.0, 1.0], [2.6, 2.0, 2.0]].map(is_free), [Some(true); 4]);
         assert_eq!(is_free([2.0; 3]), Some(false), "in the box");
+        assert_eq!(is_free([1.0, 0.0, 0.8]), Some(false), "on a wall");
         let open = Bvh::new(triangles[2..].to_vec());
         assert!(Regions::of(&open, &extents, |_| true).is_none(), "a wall is missing");
     }
@@ -245,5 +271,17 @@ mod tests {
             assert_eq!(regions.is_free(&surfaces, [3.5, 1.0, 1.0].into()), Some(is_room));
             assert_eq!(regions.is_free(&surfaces, [2.5, 1.0, 1.0].into()), Some(true));
         }
+    }
+    /// In a closed room, so that it is for their number alone that nothing is said.
+    #[test]
+    fn what_cannot_be_drawn_is_not_begun() {
+        let across = Triangle([[0.0; 3], [4.0, 4.0, 0.0], [4.0; 3]].map(Point3::from));
+        let around = |count: usize| {
+            let triangles: Vec<Triangle> = room().into_iter().chain(std::iter::repeat_n(across, count)).collect();
+            let extents = bounds_of(triangles.iter().flat_map(|t| &t.0));
+            Regions::of(&Bvh::new(triangles), &extents, |_| true)
+        };
+        assert!(around(1).is_some());
+        assert!(around(2_000).is_none(), "64 × 64 × 64 cells each");
     }
 }
