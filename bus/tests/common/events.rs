@@ -19,6 +19,9 @@ use rustix::process::{Pid, PidfdFlags, pidfd_open};
 /// How long anything may take before a test gives up: far longer than it takes on a busy machine.
 pub const WATCHDOG: Duration = Duration::from_secs(120);
 
+/// How long it is waited for an event before all is looked at once more: an event that was missed costs no test.
+const LOOK_AGAIN: Duration = Duration::from_secs(2);
+
 /// How long a test waits for one thing.
 pub struct Patience(Stopwatch);
 
@@ -70,13 +73,13 @@ impl Events {
         self.folders.iter().for_each(|folder| watch(folder, &add));
     }
 
-    /// Waits until something has happened since the last call; `false`: the test has waited for too long.
+    /// Waits until something has happened since the last call, or a while; `false`: the test has waited for too long.
     #[must_use]
     pub fn happen(&mut self) -> bool {
         let Some(left) = self.patience.rest() else { return false };
         let all = std::iter::once(&self.inotify).chain(&self.processes);
         let mut all: Vec<PollFd<'_>> = all.map(|one| PollFd::new(one, PollFlags::IN)).collect();
-        wait(&mut all, left);
+        wait(&mut all, left.min(LOOK_AGAIN));
         let ended: Vec<bool> = all[1..].iter().map(|process| !process.revents().is_empty()).collect();
         // A process ends once.
         let mut ended = ended.into_iter();
