@@ -38,9 +38,7 @@ pub fn sample(view: &View<'_>, lots: Lots) -> Vec<Sighting> {
     }
     targets.sort_unstable_by_key(|(_, target)| target.voxel);
     let (mut free, vain) = (view.space.free.near(), Vain::of(view));
-    let sighting =
-        |(_, target): (u64, &Target)| Sighting { tried: vain.tried(target), ..Sighting::of(&mut free, target) };
-    targets.into_iter().map(sighting).collect()
+    targets.into_iter().map(|(_, target)| Sighting::of(&mut free, target, vain.tried(target))).collect()
 }
 
 /// What was looked at in vain, by cells as large as what is near it reaches.
@@ -77,11 +75,11 @@ impl<'a> Vain<'a> {
 }
 
 impl Sighting {
-    /// A frontier voxel of a space whose free voxels are these.
-    pub fn of(free: &mut Near<'_>, target: &Target) -> Self {
+    /// A frontier voxel of a space whose free voxels are these; from those of `tried` a look would be in vain.
+    pub fn of(free: &mut Near<'_>, target: &Target, tried: Vec<Voxel>) -> Self {
         let mut open = |unknown: Voxel| Faces::of(unknown, |_, beside| free.contains(beside));
         let unknown = target.unknown().map(|voxel| (voxel, open(voxel))).filter(|(_, open)| !open.is_empty());
-        Self { target: target.voxel, tried: target.tried.clone(), unknown: unknown.collect() }
+        Self { target: target.voxel, tried, unknown: unknown.collect() }
     }
 
     /// Whether lines from the middle of any voxel of a box (corners, both in it) come to any of the unknown through a face behind
