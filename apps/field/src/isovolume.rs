@@ -170,14 +170,14 @@ impl Isovolumes {
         self.domain.solve(tolerance, stopping)
     }
 
-    /// C′, counted at the sources.
+    /// C′, counted at the sources. Where nothing flows, what rounding leaves of ψ may count to less than nothing, which is none.
     fn flow(&self) -> f64 {
         let sources = self.fixed.iter().flat_map(|block| {
             let cells = self.domain.block(*block).0.as_flattened().iter().enumerate();
             cells.filter(|(_, cell)| **cell == Cell::Source).map(|(n, _)| voxel_at(*block, n))
         });
         let beside = sources.flat_map(Voxel::face_neighbours).filter(|n| self.domain.cell(*n) != Cell::Outside);
-        beside.map(|n| 1.0 - f64::from(self.domain.psi(n))).sum()
+        beside.map(|n| 1.0 - f64::from(self.domain.psi(n))).sum::<f64>().max(0.0)
     }
 
     /// What each volume adds to B; brings its level into line with its border.
@@ -531,7 +531,6 @@ mod tests {
             plans in prop::collection::vec(((1..71i32, 1..23i32, 1..15i32), (60..71i32, 1..23i32), 0..400u32), 6..14),
         ) {
             let mut domain = Isovolumes::new(share);
-            let mut most = 0;
             for (n, (robot, goal, wall)) in plans.iter().enumerate() {
                 // The robot is in one half for some plans, the goal in the other, and some of a wall comes and goes.
                 let robot = Voxel::new(if n % 9 == 8 { robot.0 } else { 50 + robot.0 / 8 }, robot.1, robot.2);
@@ -544,13 +543,14 @@ mod tests {
                 set(&mut domain, cell);
                 prop_assert!(voxels().all(|v| domain.cell(v) == cell(v)));
                 let (_, bound) = domain.solve(1e-7, || false);
-                prop_assert!(bound.excess <= share * bound.flow);
+                prop_assert!(bound.excess <= share * bound.flow, "plan {n}, {bound:?}");
                 let exact = whole(cell);
                 let flow = energy(cell, |v| f64::from(exact.psi(v)));
-                prop_assert!(flow >= bound.flow * 0.999 && flow <= (bound.flow + bound.excess) * 1.001, "{flow} {bound:?}");
+                // Where the wall lets nothing through, the flow is what rounding leaves of ψ.
+                let (least, most) = (bound.flow * 0.999 - 1e-3, (bound.flow + bound.excess) * 1.001 + 1e-3);
+                prop_assert!((least..=most).contains(&flow), "{flow} {bound:?}");
                 let error = energy(cell, |v| f64::from(domain.psi(v)) - f64::from(exact.psi(v)));
-                prop_assert!(error <= bound.excess * 1.01 + 1e-3 * flow, "{error} {bound:?}");
-                most = most.max(domain.sealed().count());
+                prop_assert!(error <= bound.excess * 1.01 + 1e-3 * flow + 1e-3, "{error} {bound:?}");
             }
         }
     }
