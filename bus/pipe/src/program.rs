@@ -44,7 +44,7 @@ pub enum Errors {
 pub enum Heard {
     /// A line, with its number from 1; or why it is none.
     Line(u64, Result<String, String>),
-    /// It has ended, and that was all.
+    /// It has ended, and that was all: on standard error as well.
     Ended(ExitStatus),
 }
 
@@ -67,6 +67,8 @@ struct State {
     said: VecDeque<Result<String, String>>,
     said_bytes: usize,
     output_closed: bool,
+    /// So is its standard error, or it is not kept.
+    errors_closed: bool,
     to_say: Vec<u8>,
     /// Bytes that are on their way into its input.
     saying: usize,
@@ -119,7 +121,7 @@ impl Program {
         let (input, output, errors) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         program.spawn("output", move |shared| output.into_iter().for_each(|output| read_lines(shared, output)))?;
         program.spawn("input", move |shared| input.into_iter().for_each(|input| write_lines(shared, input)))?;
-        program.spawn("errors", move |shared| errors.into_iter().for_each(|errors| keep_words(shared, errors)))?;
+        program.spawn("errors", move |shared| keep_words(shared, errors))?;
         program.spawn("end", move |shared| wait_for_end(shared, id, child))?;
         Ok(program)
     }
@@ -263,14 +265,17 @@ fn write_lines(shared: &Shared, mut input: ChildStdin) {
     });
 }
 
-fn keep_words(shared: &Shared, mut errors: ChildStderr) {
+fn keep_words(shared: &Shared, errors: Option<ChildStderr>) {
     let mut words = [0; LAST_WORDS];
-    while let Ok(read @ 1..) = errors.read(&mut words) {
-        let mut state = shared.lock();
-        state.last_words.extend_from_slice(&words[..read]);
-        let over = state.last_words.len().saturating_sub(LAST_WORDS);
-        state.last_words.drain(..over);
+    for mut errors in errors {
+        while let Ok(read @ 1..) = errors.read(&mut words) {
+            let mut state = shared.lock();
+            state.last_words.extend_from_slice(&words[..read]);
+            let over = state.last_words.len().saturating_sub(LAST_WORDS);
+            state.last_words.drain(..over);
+        }
     }
+    shared.change(|state| state.errors_closed = true);
 }
 
 /// Waits for its end, and ends what it has left behind in its group.
@@ -282,8 +287,30 @@ fn wait_for_end(shared: &Shared, id: Pid, mut child: Child) {
         state.gone = true;
         child.wait()
     });
-    let rest = shared.changed.wait_timeout_while(shared.lock(), REST_PATIENCE, |state| !state.output_closed);
+    let is_open = |state: &mut State| !(state.output_closed && state.errors_closed);
+    let rest = shared.changed.wait_timeout_while(shared.lock(), REST_PATIENCE, is_open);
     drop(rest);
     // A child of ours that nobody else waits for has a status; this one says that there is none.
     shared.change(|state| state.ended = Some(status.unwrap_or(ExitStatus::from_raw(0xffff))));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What it has started may still speak for it, in a session of its own, where its end does not reach.
+    #[test]
+    fn the_end_comes_after_the_last_words() {
+        let mut command = Command::new("sh");
+        // It ends once the other has its session, and has closed the output that is read here.
+        command.args(["-c", "word=$(setsid sh -c 'exec >&-; sleep 0.2; echo late >&2' &); exit 3"]);
+        let mut program = Program::start(command, Errors::Kept).unwrap();
+        let ended = loop {
+            program.wait(Duration::from_secs(1));
+            if let Some(Heard::Ended(status)) = program.hear() {
+                break status;
+            }
+        };
+        assert_eq!((ended.code(), program.last_words().as_deref()), (Some(3), Some("late")));
+    }
 }
