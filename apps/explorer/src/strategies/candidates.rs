@@ -21,7 +21,9 @@ use elk_mission::{Kind, ParamSpec};
 
 use crate::app::param;
 use crate::goals::Goal;
+use crate::strategies::groups::InVain;
 use crate::strategy::View;
+use crate::target::Target;
 use kept::{Kept, Number};
 use lots::{Lots, Pose};
 
@@ -135,7 +137,8 @@ fn best_of<'a>(kept: &mut Kept, view: &View<'a>, looks: &mut u64, weight: &mut i
         Some(promise(drawn.pose, number, drawn.seen.map_or(Known::Bound, Known::Gain), worth))
     });
     let mut promising: BinaryHeap<Promise> = all.collect::<Vec<_>>().into();
-    let mut found = None;
+    let here = Voxel::containing(view.from, view.space.resolution());
+    let (from_here, mut found) = (InVain::from(here, view.space.resolution(), view.goals.targets()), None);
     while let Some(Promise { pose, number, known, .. }) = promising.pop() {
         match known {
             Known::Bound => {
@@ -150,7 +153,7 @@ fn best_of<'a>(kept: &mut Kept, view: &View<'a>, looks: &mut u64, weight: &mut i
                 let worth = weight.of(pose.place).map(|weight| f64::from(gain) * weight);
                 promising.extend(worth.map(|worth| promise(pose, number, Known::Worth, worth)));
             }
-            Known::Worth => found = aim(view, &pose).map(|goal| Candidate { place: pose.place, goal }),
+            Known::Worth => found = aim(view, &from_here, &pose).map(|goal| Candidate { place: pose.place, goal }),
         }
         if found.is_some() {
             break;
@@ -160,8 +163,9 @@ fn best_of<'a>(kept: &mut Kept, view: &View<'a>, looks: &mut u64, weight: &mut i
 }
 
 /// Of the goals that a pose sees the one nearest to the middle of its image, the first of equals; none of those that share their
-/// voxel with one before them.
-fn aim<'a>(view: &View<'a>, pose: &Pose) -> Option<&'a Goal> {
+/// voxel with one before them. And none at which a look would be in vain: from there, or `from_here`, where the robot is, if it is in
+/// sight from here, since no way leads farther than to where its goal is in sight.
+fn aim<'a>(view: &View<'a>, from_here: &InVain, pose: &Pose) -> Option<&'a Goal> {
     let (from, resolution) = (view.space.center(pose.place), view.space.resolution());
     let along = |goal: &Goal| {
         let toward = (goal.target.voxel - pose.place).to_array().map(|c| f64::from(c) * resolution).into();
@@ -170,7 +174,12 @@ fn aim<'a>(view: &View<'a>, pose: &Pose) -> Option<&'a Goal> {
     };
     let mut goals: Vec<(f64, &Goal)> = view.goals.iter().filter_map(|goal| Some((along(goal)?, goal))).collect();
     goals.sort_by(|(one, _), (other, _)| other.total_cmp(one));
-    goals.into_iter().map(|(_, goal)| goal).find(|goal| goal.target.seen_from(view.space, from))
+    let from_there = InVain::from(pose.place, resolution, view.goals.targets());
+    let is_in_vain = |target: &Target| {
+        from_there.is_like(target) || from_here.is_like(target) && target.seen_from(view.space, view.from)
+    };
+    let mut goals = goals.into_iter().map(|(_, goal)| goal);
+    goals.find(|goal| goal.target.seen_from(view.space, from) && !is_in_vain(&goal.target))
 }
 
 #[cfg(test)]

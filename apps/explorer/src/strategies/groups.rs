@@ -15,7 +15,7 @@ const FINE: (f64, f64) = (0.5, 64.0);
 pub const VIEW_M: f64 = 5.0;
 /// So near what was looked at in vain another look from the same place is in vain as well (m): a surface seen at a grazing angle has
 /// many such voxels.
-const ALIKE_M: f64 = 0.5;
+pub const ALIKE_M: f64 = 0.5;
 
 /// Targets that lie in one cell of an octree, of which the first stands for all.
 #[derive(Debug)]
@@ -56,17 +56,36 @@ pub fn groups<'a>(view: &View<'a>, most: usize) -> Vec<Group<'a>> {
     all.into_iter().filter_map(sized).collect()
 }
 
+/// Where looks from a place were in vain.
+#[derive(Debug)]
+pub struct InVain {
+    targets: Vec<Voxel>,
+    /// How near to them others are no better (voxels).
+    alike: f64,
+}
+
+impl InVain {
+    /// Those of these targets, from the middle of voxel `place`.
+    pub fn from<'a>(place: Voxel, resolution: f64, targets: impl Iterator<Item = &'a Target>) -> Self {
+        let targets = targets.filter(|target| !target.untried(place)).map(|target| target.voxel).collect();
+        Self { targets, alike: ALIKE_M / resolution }
+    }
+
+    /// Whether a look from there at this target would be in vain as well.
+    pub fn is_like(&self, target: &Target) -> bool {
+        self.targets.iter().any(|voxel| voxel.distance(target.voxel) <= self.alike)
+    }
+}
+
 /// What is seen from where the route starts, if anything is that does not lie near what was looked at from there in vain: the
 /// nearest.
 pub fn in_sight(view: &View<'_>) -> Option<Voxel> {
     let (resolution, range_m) = (view.space.resolution(), VIEW_M.min(view.sight.range_m));
-    let here = Voxel::containing(view.from, resolution);
-    let in_vain: Vec<Voxel> = view.open.iter().filter(|t| !t.untried(here)).map(|t| t.voxel).collect();
-    let hopeful = |target: &&Target| in_vain.iter().all(|v| v.distance(target.voxel) * resolution > ALIKE_M);
+    let in_vain = InVain::from(Voxel::containing(view.from, resolution), resolution, view.open.iter());
     let away = |target: &Target| (target.voxel.center(resolution) - view.from).norm();
     let near = view.open.iter().map(|target| (away(target), target)).filter(|(away, _)| *away <= range_m);
     let mut near: Vec<(f64, &Target)> = near.collect();
     near.sort_by(|one, other| one.0.total_cmp(&other.0));
     let mut near = near.into_iter().map(|(_, target)| target);
-    near.find(|target| hopeful(target) && target.seen_from(view.space, view.from)).map(|target| target.voxel)
+    near.find(|target| !in_vain.is_like(target) && target.seen_from(view.space, view.from)).map(|target| target.voxel)
 }

@@ -45,8 +45,16 @@ fn looked_from<'a>(view: &View<'_>, (targets, goals): (&[&Target], &[&'a Goal]),
         let in_view = distance <= sight.range_m && (distance < 1e-9 || sight.covers(&pose.axis, &(toward / distance)));
         (in_view && target.seen_from(view.space, from)).then(|| toward.dot(&pose.axis) / distance.max(1e-9))
     };
-    let gain = targets.iter().filter(|target| off_axis(target).is_some()).count();
-    let seen = goals.iter().filter_map(|goal| Some((off_axis(&goal.target)?, *goal)));
+    let near = |target: &Target, other: &Target| target.voxel.distance(other.voxel) <= 5.0;
+    let is_in_vain =
+        |place: Voxel, target: &Target| view.goals.targets().any(|other| !other.untried(place) && near(target, other));
+    let here = Voxel::containing(view.from, view.space.resolution());
+    let is_hopeless = |target: &Target| {
+        is_in_vain(pose.place, target) || is_in_vain(here, target) && target.seen_from(view.space, view.from)
+    };
+    let gain = targets.iter().filter(|target| !is_in_vain(pose.place, target) && off_axis(target).is_some()).count();
+    let seen = goals.iter().filter(|goal| !is_hopeless(&goal.target));
+    let seen = seen.filter_map(|goal| Some((off_axis(&goal.target)?, *goal)));
     let goal = seen.rev().max_by(|(one, _), (other, _)| one.total_cmp(other)).map(|(_, goal)| goal);
     goal.filter(|_| gain > 0).map(|goal| Looked { place: pose.place, gain, goal })
 }

@@ -65,7 +65,7 @@ impl<'a> Prospects<'a> {
     pub fn new(view: &View<'a>, groups: &[Group<'a>]) -> Self {
         let mut free = view.space.free.near();
         let prospects = groups.iter().map(|group| {
-            let sighting = Sighting::of(&mut free, group.target);
+            let sighting = Sighting::of(&mut free, group.target, group.target.tried.clone());
             Prospect { target: group.target, center: view.space.center(group.target.voxel), sighting }
         });
         let prospects = prospects.collect();
