@@ -267,7 +267,7 @@ fn write_lines(shared: &Shared, mut input: ChildStdin) {
 
 fn keep_words(shared: &Shared, errors: Option<ChildStderr>) {
     let mut words = [0; LAST_WORDS];
-    for mut errors in errors {
+    if let Some(mut errors) = errors {
         while let Ok(read @ 1..) = errors.read(&mut words) {
             let mut state = shared.lock();
             state.last_words.extend_from_slice(&words[..read]);
