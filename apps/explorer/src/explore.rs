@@ -398,6 +398,7 @@ impl Explorer {
         let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
         way.extend(route.points);
+        // The rest is in the goal's voxel.
         let there = way.last().is_some_and(|p| goal.target.seen_from(space, *p));
         if !there {
             way.push(goal.position);
@@ -495,15 +496,18 @@ impl Explorer {
     }
 }
 
-/// The goal that a route leads to, if it leads to one: in the goal's voxel, or where its end sees a target from afar.
+/// The goal that a route leads to, if it leads to one: it ends in the goal's voxel, or where the goal's target is seen, or a target from
+/// afar.
 fn goal_of(view: &View<'_>, route: &Route) -> Option<Goal> {
+    let position = *route.points.last()?;
+    let voxel = Voxel::containing(position, view.space.resolution());
     let afar = || {
         let at = view.open.binary_search_by_key(&route.goal, |target| target.voxel).ok()?;
-        let (target, position) = (&view.open[at], *route.points.last()?);
-        let voxel = Voxel::containing(position, view.space.resolution());
+        let target = &view.open[at];
         target.seen_from(view.space, position).then(|| Goal { voxel, position, target: target.clone() })
     };
-    afar().or_else(|| view.goals.at(route.goal).cloned())
+    let leads_to = |goal: &&Goal| voxel == goal.voxel || goal.target.seen_from(view.space, position);
+    afar().or_else(|| view.goals.at(route.goal).filter(leads_to).cloned())
 }
 
 #[cfg(test)]

@@ -54,9 +54,9 @@ impl Route {
         Some(Self::to_look(view, way, *way.last()?))
     }
 
-    /// The same to a place that sees the target of the goal in another voxel.
+    /// The same to a place that sees the target of the goal in another voxel: to the middle of its own, also if the robot is in it.
     pub fn to_look(view: &View<'_>, way: &[Voxel], goal: Voxel) -> Self {
-        let rest = way.iter().skip(1).map(|voxel| view.space.center(*voxel));
+        let rest = way.iter().skip(usize::from(way.len() > 1)).map(|voxel| view.space.center(*voxel));
         Self { points: std::iter::once(view.from).chain(rest).collect(), goal }
     }
 }

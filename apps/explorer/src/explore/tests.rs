@@ -318,6 +318,40 @@ fn a_strategy_that_answers_with_no_goal_is_named_and_the_closest_is_gone_to() {
     assert!(!closest.reason.contains("closest goal"), "{}", closest.reason);
 }
 
+/// One that stays where it is, for the goal that lies farthest.
+struct Idler;
+
+impl Strategy for Idler {
+    fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
+        let away = |goal: &&Goal| goal.voxel.distance(view.space.start());
+        let goal = view.goals.iter().max_by(|one, other| away(one).total_cmp(&away(other)))?.voxel;
+        Some(Route { points: vec![view.from], goal })
+    }
+}
+
+/// Regression: the rest of such a way led straight to the goal, through the wall between the rooms, and the mission stood still: its
+/// controller rejected the plan.
+#[test]
+fn a_way_that_does_not_lead_to_its_goal_is_named_and_goes_through_no_wall() {
+    let report = run(Box::new(Idler), settings(Policy::elk(0.4))).report;
+    let said = "where there is no goal, or none that is seen from there; the closest goal was gone to instead";
+    assert!(report.reason.starts_with("Idler has answered ") && report.reason.contains(said), "{}", report.reason);
+    assert_eq!(report.frontiers_left.open, 0, "{report:?}");
+}
+
+/// Regression: whoever wants to look from the middle of the voxel that the robot is in stood beside it, from where nothing was seen.
+#[test]
+fn a_way_to_a_look_ends_in_the_middle_of_its_voxel() {
+    let room = crate::Room::new([3.0, 3.0, 2.5], [1.09, 1.02, 1.25], &[[2.5, 1.5, 1.25]]);
+    let view = room.view();
+    let (from, space, here) = (view.from, view.space, view.space.start());
+    assert_ne!(from, space.center(here));
+    let route = Route::to_look(&view, &[here], Voxel::new(1, 2, 3));
+    assert_eq!(route.points, [from, space.center(here)]);
+    let beside = here + Voxel::new(1, 0, 0);
+    assert_eq!(Route::to_look(&view, &[here, beside], beside).points, [from, space.center(beside)]);
+}
+
 /// Regression: a run that was to leave small clusters alone did not say how much it had left.
 #[test]
 fn what_is_left_as_too_small_is_said() {

@@ -74,17 +74,17 @@ impl Strategy for Tour {
         let roadmap = journal.time("roadmap", || Roadmap::new(view.space, view.space.start()));
         let (places, sets) = journal.time("views", || viewpoints(view, &groups, &roadmap));
         journal.count("groups", groups.len() as u64);
+        let goal = |group: usize| groups[group].goal.unwrap_or(groups[group].target.voxel);
         // What is seen from here costs no way.
-        let here = sets.iter().position(|set| set.contains(&0)).map(|group| (group, 0));
-        let (group, place) = here.or_else(|| {
-            let stops = journal.time("tour", || itinerary(0, &sets, |a, b| distance(&places[a], &places[b])));
-            let place = |place: usize| places[place].position;
-            journal.draw(|| pictures::tour(std::iter::once(0).chain(stops.iter().map(|stop| stop.place)).map(place)));
-            let first = stops.first()?;
-            Some((*first.sets.first()?, first.place))
-        })?;
-        let goal = groups[group].goal.unwrap_or(groups[group].target.voxel);
-        journal.time("search", || view.way_by(places[place].voxel, goal))
+        if let Some(group) = sets.iter().position(|set| set.contains(&0)) {
+            return Some(Route { points: vec![view.from], goal: goal(group) });
+        }
+        let stops = journal.time("tour", || itinerary(0, &sets, |a, b| distance(&places[a], &places[b])));
+        let place = |place: usize| places[place].position;
+        journal.draw(|| pictures::tour(std::iter::once(0).chain(stops.iter().map(|stop| stop.place)).map(place)));
+        let first = stops.first()?;
+        let group = *first.sets.first()?;
+        journal.time("search", || view.way_by(places[first.place].voxel, goal(group)))
     }
 }
 
