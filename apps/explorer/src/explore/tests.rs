@@ -154,6 +154,7 @@ fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
         run(Box::new(ClosestFrontier), settings(Policy::thesis(0.4))),
         run(potential(Start::Shortest), settings(Policy::elk(0.4))),
         run(potential(Start::Flux), settings(Policy::thesis(0.4))),
+        run(potential(Start::Frontier), settings(Policy::elk(0.4))),
         run(Box::new(Potential::new(Start::Shortest, Solver::Multigrid, 1e-6)), settings(Policy::elk(0.4))),
         // So far from a solution that no streamline arrives: all are of what is solved on from there.
         run(Box::new(Potential::new(Start::Shortest, Solver::Cascade, 1.0)), settings(Policy::elk(0.4))),

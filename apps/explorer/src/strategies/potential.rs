@@ -1,5 +1,7 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
+mod inflow;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use elk_bus::tell;
@@ -16,6 +18,7 @@ use crate::extent::Extent;
 use crate::journal::Journal;
 use crate::pictures;
 use crate::strategy::{Route, Strategy, View};
+use inflow::Inflow;
 
 /// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
 const SEED_DISTANCE_M: f64 = 0.15;
@@ -39,10 +42,10 @@ pub const TYPE: AppType = AppType {
 const PARAMS: &[ParamSpec] = &[
     param(
         "Start",
-        Kind::Choice(&["policy", "flux", "shortest"]),
+        Kind::Choice(&["policy", "flux", "shortest", "frontier"]),
         "policy",
         "The streamline to follow: the one of largest flux, the shortest of 26, or as the policy has it (thesis: flux, elk: \
-         shortest).",
+         shortest). frontier: of the 26 the one to the goals, of those that lie together, into which most flows for its length.",
     ),
     param(
         "Solver",
@@ -85,6 +88,7 @@ fn potential(params: &Params) -> Potential {
     };
     let start = match (params.text("Start"), params.text("Policy")) {
         ("flux", _) | ("policy", "thesis") => Start::Flux,
+        ("frontier", _) => Start::Frontier,
         _ => Start::Shortest,
     };
     let tolerance = match params.number("Tolerance") {
@@ -114,6 +118,8 @@ pub enum Start {
     Flux,
     /// The shortest of 26: through the face neighbours, and in 20 directions evenly around.
     Shortest,
+    /// Of the same 26 the one whose length is the least for what flows into the goals, of those that lie together, at its end.
+    Frontier,
 }
 
 /// Follows a streamline.
@@ -146,6 +152,7 @@ impl Strategy for Potential {
         let start = match self.start {
             Start::Flux => "the streamline of largest flux",
             Start::Shortest => "the shortest of 26 streamlines",
+            Start::Frontier => "of 26 streamlines the one to the frontier into which most flows for its length",
         };
         if let Some(card) = &self.card {
             return format!("{start}; field by {}, residual {:e}", card.name(), self.tolerance);
@@ -181,16 +188,17 @@ impl Strategy for Potential {
         journal.count("stalls", ways.stalled);
         journal.draw(|| pictures::slice(self.domain.domain(), view.from, view.space.resolution()));
         journal.draw(|| pictures::streamlines(&ways.lines, view.space.resolution()));
-        ways.shortest.filter(|_| !journal.is_to_stop()).map(|(_, route)| route)
+        ways.best.filter(|_| !journal.is_to_stop()).map(|(_, route)| route)
     }
 }
 
-/// What streamlines lead to: how many arrived, how many stalled, and the shortest route of all, with its length (m).
+/// What streamlines lead to: how many arrived, how many stalled, and the route of all that costs least.
 #[derive(Default)]
 struct Ways {
     arrived: u64,
     stalled: u64,
-    shortest: Option<(f64, Route)>,
+    /// What it costs, and the route.
+    best: Option<(f64, Route)>,
     /// The streamlines themselves (m), if they are to be drawn.
     lines: Vec<Vec<Point3<f64>>>,
 }
@@ -277,10 +285,18 @@ impl Potential {
         let mut field = Field::of(self.domain.domain(), view.space.resolution());
         let seeds = match self.start {
             Start::Flux => largest_flux(view, &field).into_iter().collect(),
-            Start::Shortest => seeds(view, &mut field),
+            Start::Shortest | Start::Frontier => seeds(view, &mut field),
+        };
+        let (inflow, lines) = match self.start {
+            // Each to its end: a longer one may lead to where more flows.
+            Start::Frontier => {
+                let lines = seeds.iter().flat_map(|seed| field.trace(view.from, &[*seed], LONGEST_M)).collect();
+                (Some(Inflow::of(view.goals.iter().map(|goal| goal.voxel), &field)), lines)
+            }
+            Start::Flux | Start::Shortest => (None, field.trace(view.from, &seeds, LONGEST_M)),
         };
         let mut ways = Ways::default();
-        for line in field.trace(view.from, &seeds, LONGEST_M) {
+        for line in lines {
             match line.end {
                 Termination::Goal(_) => ways.arrived += 1,
                 Termination::Stalled(_) => ways.stalled += 1,
@@ -293,8 +309,9 @@ impl Potential {
                 continue;
             };
             let length = Polyline::new(route.points.iter().copied()).map_or(0.0, |p| p.length());
-            if ways.shortest.as_ref().is_none_or(|(least, _)| length < *least) {
-                ways.shortest = Some((length, route));
+            let cost = inflow.as_ref().map_or(length, |inflow| length / inflow.share(route.goal));
+            if ways.best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                ways.best = Some((cost, route));
             }
         }
         ways
