@@ -14,8 +14,8 @@ use elk_spatial::record::Record;
 use crate::allowance::Allowance;
 use crate::follower::Action;
 
-/// The longest that a frame waits for the one before it (s, recorded): a break that is longer than this is played as if it were as long. One clock
-/// that was ahead for a frame would hold the recording up for as much otherwise.
+/// The longest that a frame waits after the one before it (s, recorded): a longer break is played as one of so long. A clock that was
+/// ahead for one frame would hold the recording up for as much otherwise.
 pub(crate) const LONGEST_GAP_SECS: f64 = 60.0;
 
 /// The state machine. Give it what arrives, and take what it wants said from [`Player::next`].
@@ -158,7 +158,8 @@ impl Player {
         !self.is_over && playback.command == self.commands && self.replica.scan() >= playback.scans
     }
 
-    /// Whether a frame's recorded time has come, after the one before it, of which at most so long is waited for. A pause shifts all that follows.
+    /// Whether a frame's recorded time has come, after the one before it, or the longest gap has gone by. A pause shifts all that
+    /// follows.
     fn is_time(&self, now: f64, secs: f64) -> bool {
         let gap = |before: f64| (secs - before).min(LONGEST_GAP_SECS);
         self.said.is_none_or(|(then, before)| !self.is_timed() || (now - then) * self.rate >= gap(before))

@@ -10,8 +10,8 @@ use super::seen::pixel_runs;
 const ENOUGH: f64 = 0.4;
 /// With fewer pixels matched than this, a pair is none.
 const LEAST: f64 = 0.01;
-/// Of the pixels with a texture whose match is in range, nine of ten are matched in a pair, and with the right image turned, mirrored or inverted
-/// at most one of nine, by either matcher. With a smaller share than this a pair is none.
+/// Of the pixels with a texture whose match is in range, nine of ten are matched in a pair, and at most one of eight with the right
+/// image turned, mirrored or inverted, by either matcher. With a smaller share than this a pair is none.
 const ALIKE: f64 = 0.15;
 /// Fewer such pixels than this, as a share of all, show nothing.
 const SHOWING: f64 = 0.05;
@@ -74,8 +74,8 @@ pub enum PairError {
     },
     /// There is much to be matched, and it does not match.
     #[error(
-        "of {} and {} only {:.2} % of all pixels match, {:.1} % of those that have a texture and a match in range ({reasons}): right are two \
-         images that were taken at once by the cameras of the calibration, both as they were taken (not turned, mirrored or inverted), of \
+        "of {} and {} only {:.2} % of all pixels match, {:.1} % of those that have a texture and a match in range ({reasons}): \
+         right are two images that were taken at once by the cameras of the calibration, both as they were taken (not turned, mirrored or inverted), of \
          what is not nearer than Disparities let be seen", .names[0], .names[1], .share * 100.0, .alike * 100.0
     )]
     Unlike {
