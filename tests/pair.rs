@@ -173,7 +173,8 @@ fn a_pair_of_which_one_image_is_turned_mirrored_or_inverted_is_none() {
     }
     let (.., pixels) = picture(&case.path("right.png"));
     let right = Image::from_fn(320, 240, |row, column| pixels[320 * row + column]).unwrap();
-    let spoilt: [(&str, fn(&Image, usize, usize) -> u8); 4] = [
+    type Pixel = fn(&Image, usize, usize) -> u8;
+    let spoilt: [(&str, Pixel); 4] = [
         ("turned.png", |image, row, column| image.row(239 - row)[319 - column]),
         ("mirrored.png", |image, row, column| image.row(row)[319 - column]),
         ("upside-down.png", |image, row, column| image.row(239 - row)[column]),

@@ -75,8 +75,8 @@ pub enum PairError {
     /// There is much to be matched, and it does not match.
     #[error(
         "of {} and {} only {:.2} % of all pixels match, {:.1} % of those that have a texture and a match in range ({reasons}): \
-         right are two images that were taken at once by the cameras of the calibration, both as they were taken (not turned, mirrored or inverted), of \
-         what is not nearer than Disparities let be seen", .names[0], .names[1], .share * 100.0, .alike * 100.0
+         right are two images that were taken at once by the cameras of the calibration, both as they were taken (not turned, mirrored or \
+         inverted), of what is not nearer than Disparities let be seen", .names[0], .names[1], .share * 100.0, .alike * 100.0
     )]
     Unlike {
         /// The images' names.
