@@ -275,10 +275,12 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
     ["cam0", "cam1"].iter().for_each(|side| write(&file(side, 5), &Image::from_fn(320, 240, |_, _| 0).unwrap()));
     write(&file("cam0", 6), &PAIRS[6][1]);
     write(&file("cam1", 6), &PAIRS[6][0]);
+    let turned = |row: usize, column: usize| PAIRS[9][1].row(239 - row)[319 - column];
+    write(&file("cam1", 9), &Image::from_fn(320, 240, turned).unwrap());
     std::fs::copy(file("cam0", 7), recording.join("cam0/today.png")).unwrap();
     std::fs::copy(file("cam1", 7), recording.join("cam1/today.png")).unwrap();
     spoil(&recording.join("groundtruth.txt"), 10, "1 2 3");
-    let counted = [("", "given", "4 scans of 11 frames, 7"), (ODOMETRY, "estimated", "5 scans of 11 frames, 6")];
+    let counted = [("", "given", "3 scans of 11 frames, 8"), (ODOMETRY, "estimated", "4 scans of 11 frames, 7")];
     for (how, logs, counted) in counted {
         let (code, words) = play(&elk, &mission(&recording, how), logs);
         for expected in [
@@ -288,6 +290,8 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
             format!("{}: of {}", stamp(5), file("cam0", 5).display()),
             "only 0.00 % of all pixels match (too little texture".to_owned(),
             "the other way round in".to_owned(),
+            format!("{}: of {}", stamp(9), file("cam0", 9).display()),
+            "both as they were taken (not turned, mirrored or inverted)".to_owned(),
             "today.png: its name is no time; nanoseconds, as EuRoC has them, would be right".to_owned(),
             "groundtruth.txt: line 10: 3 numbers: a time, a position and a quaternion, 8, would be right; it is left out"
                 .to_owned(),
@@ -303,7 +307,7 @@ fn pairs_that_are_none_are_named_counted_and_passed_over() {
     let summary = summary_of(&elk.run_in("estimated"));
     assert!(summary["position_error_m"].as_f64().unwrap() < 0.02, "{summary:#}");
     let counted = ["frames", "unusable_frames", "lost_frames"].map(|count| summary[count].as_u64());
-    assert_eq!(counted, [Some(11), Some(6), Some(0)], "{summary:#}");
+    assert_eq!(counted, [Some(11), Some(7), Some(0)], "{summary:#}");
 
     // KITTI's lists have a line for each pair, an empty one among them.
     let numbered = kitti(&elk.folder().join("numbered"));
@@ -416,11 +420,14 @@ fn recordings_that_are_none_start_nothing_and_say_what_would_be_right() {
     let calibration = std::fs::read_to_string(numbered.join("calib.txt")).unwrap();
     std::fs::write(numbered.join("calib.txt"), calibration.replacen("P1", "P2", 1)).unwrap();
     refused(&numbered, "calib.txt: there is no P1: 12 finite numbers, a projection of 3 rows of 4, would be right");
-    std::fs::write(numbered.join("calib.txt"), "P0: 0 0 1 0 0 1 1 0 0 0 1 0\n".to_owned() + &calibration).unwrap();
+    let (_, second) = calibration.split_once('\n').unwrap();
+    std::fs::write(numbered.join("calib.txt"), "P0: 0 0 1 0 0 1 1 0 0 0 1 0\n".to_owned() + second).unwrap();
     refused(
         &numbered,
         "line 1: P0: focal lengths of 0 and 1 px, with which it is singular: positive ones would be right",
     );
+    std::fs::write(numbered.join("calib.txt"), calibration.clone() + &calibration).unwrap();
+    refused(&numbered, "calib.txt: line 3: P0: stands there again, after line 1: one of them would be right");
     std::fs::write(numbered.join("calib.txt"), &calibration).unwrap();
     // Time goes forwards, and a pair without one is none.
     std::fs::write(numbered.join("times.txt"), "0\n0.05\n0.02\n0.1\n").unwrap();

@@ -111,7 +111,13 @@ fn read_calibration(paths: &[PathBuf]) -> Result<StereoCalibration> {
         file::read_text(path, LONGEST_CALIBRATION).with_context(|| format!("cannot read {}", path.display()))
     };
     match paths {
-        [one] => calibration::opencv(&read(one)?).with_context(|| one.display().to_string()),
+        [one] => {
+            let text = read(one)?;
+            calibration::opencv(&text).with_context(|| match calibration::euroc_body_from_camera(&text) {
+                Ok(_) => format!("{}: it is of one of EuRoC's cameras, of which two are given, or else", one.display()),
+                Err(_) => one.display().to_string(),
+            })
+        }
         [left, right] => calibration::euroc(&read(left)?, &read(right)?)
             .with_context(|| format!("{}, {}", left.display(), right.display())),
         _ => bail!(

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use elk_bus::{AppError, Comms, Handled, Handlers, Mail, Rejection, number, text};
+use elk_bus::{AppError, Comms, Handled, Handlers, Mail, Rejection, number, tell, text};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{MAP, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, PLAYBACK, STEP};
@@ -12,7 +12,7 @@ use elk_spatial::playback::Playback;
 
 use crate::allowance::Allowance;
 use crate::app::{MANUAL, param, publish};
-use crate::player::Player;
+use crate::player::{LONGEST_GAP_SECS, Player};
 
 /// Its row in the table of controllers.
 pub(crate) const TYPE: AppType = AppType {
@@ -32,7 +32,7 @@ const PARAMS: &[ParamSpec] = &[
         "Rate",
         Kind::Number { unit: "", min: 0.0, max: 1000.0 },
         "0",
-        "How many times as fast as it was recorded; 0: as fast as the map keeps up.",
+        "How many times as fast as it was recorded, a break of more than 60 s as one of 60 s; 0: as fast as the map keeps up.",
     ),
     MANUAL,
 ];
@@ -103,6 +103,12 @@ impl PlaybackApp {
 
     /// Says what is not held back; before that it is remembered that it was going to be said.
     fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if let Some(gap) = self.player.take_long_gap() {
+            tell(format_args!(
+                "{}: the next frame was recorded {gap:.1} s after the one before it: with Rate, {LONGEST_GAP_SECS} s of that go by",
+                comms.name()
+            ));
+        }
         let actions = self.player.next(comms.time(), &mut self.allowance);
         let memory = self.player.memory(&self.allowance);
         if !actions.is_empty() && memory.is_some() && self.remembered != memory {

@@ -14,6 +14,10 @@ use elk_spatial::record::Record;
 use crate::allowance::Allowance;
 use crate::follower::Action;
 
+/// The longest that a frame waits after the one before it (s, recorded): a longer break is played as one of so long. A clock that was
+/// ahead for one frame would hold the recording up for as much otherwise.
+pub(crate) const LONGEST_GAP_SECS: f64 = 60.0;
+
 /// The state machine. Give it what arrives, and take what it wants said from [`Player::next`].
 #[derive(Debug)]
 pub struct Player {
@@ -29,6 +33,8 @@ pub struct Player {
     own: bool,
     /// When the last command was said (s, the community's clock), and the recorded time that it begins with (s).
     said: Option<(f64, f64)>,
+    /// The command whose long gap was told of.
+    told: u64,
     is_over: bool,
 }
 
@@ -38,7 +44,7 @@ impl Player {
     pub fn new(rate: f64) -> Self {
         let replica = Replica::new(None, MAX_BRICKS);
         let record = Record::default();
-        Self { replica, rate, playback: None, record, commands: 0, own: true, said: None, is_over: false }
+        Self { replica, rate, playback: None, record, commands: 0, own: true, said: None, told: 0, is_over: false }
     }
 
     /// Whether it has to look at the clock.
@@ -138,14 +144,25 @@ impl Player {
         actions
     }
 
+    /// How long (s, recorded) it would be to the next frame, where that is longer than it is waited; each is told of once.
+    pub fn take_long_gap(&mut self) -> Option<f64> {
+        let playback =
+            self.playback.as_ref().filter(|playback| self.is_timed() && playback.command == self.commands)?;
+        let gap = playback.next_secs? - self.said?.1;
+        let next = self.commands + 1;
+        (gap > LONGEST_GAP_SECS && std::mem::replace(&mut self.told, next) != next).then_some(gap)
+    }
+
     /// Whether the last command is carried out, and the scan that came of it in the map.
     fn is_in_map(&self, playback: &Playback) -> bool {
         !self.is_over && playback.command == self.commands && self.replica.scan() >= playback.scans
     }
 
-    /// Whether a frame's recorded time has come, after the one before it. A pause shifts all that follows.
+    /// Whether a frame's recorded time has come, after the one before it, or the longest gap has gone by. A pause shifts all that
+    /// follows.
     fn is_time(&self, now: f64, secs: f64) -> bool {
-        self.said.is_none_or(|(then, before)| !self.is_timed() || (now - then) * self.rate >= secs - before)
+        let gap = |before: f64| (secs - before).min(LONGEST_GAP_SECS);
+        self.said.is_none_or(|(then, before)| !self.is_timed() || (now - then) * self.rate >= gap(before))
     }
 
     fn progress(&self, playback: &Playback, finished: bool) -> Progress {
@@ -234,6 +251,30 @@ mod tests {
         bench.scanned(2);
         assert!(bench.said(9.4).is_empty());
         assert_eq!(bench.said(9.5), [3]);
+    }
+
+    /// Regression: a frame whose clock was a year ahead held the recording up for a year.
+    #[test]
+    fn a_frame_from_far_ahead_is_waited_for_no_longer_than_a_break() {
+        let mut bench = Bench::new(2.0);
+        bench.0.on_playback(playback(0, 0, Some(0.0)));
+        assert_eq!(bench.said(5.0), [1]);
+        bench.0.on_playback(playback(1, 1, Some(60.0)));
+        assert_eq!(bench.0.take_long_gap(), None);
+        bench.0.on_playback(playback(1, 1, Some(3e7)));
+        bench.scanned(1);
+        assert!(bench.said(34.9).is_empty());
+        assert_eq!((bench.0.take_long_gap(), bench.0.take_long_gap()), (Some(3e7), None), "it is told once");
+        assert_eq!(bench.said(35.0), [2]);
+        // Times go on from before it.
+        bench.0.on_playback(playback(2, 2, Some(2.0)));
+        bench.scanned(2);
+        assert_eq!((bench.0.take_long_gap(), bench.said(35.0)), (None, vec![3]));
+        let mut bench = Bench::new(0.0);
+        bench.0.on_playback(playback(0, 0, Some(0.0)));
+        assert_eq!(bench.said(5.0), [1]);
+        bench.0.on_playback(playback(1, 1, Some(3e7)));
+        assert_eq!(bench.0.take_long_gap(), None, "nothing waits for times");
     }
 
     #[test]

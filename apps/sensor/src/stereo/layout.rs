@@ -206,8 +206,13 @@ fn time(line: &str) -> Result<f64, String> {
 fn projected(text: &str, size: [usize; 2]) -> Result<StereoCalibration, String> {
     let projection = |name: &'static str| -> Result<[f64; 12], String> {
         let right = "12 finite numbers, a projection of 3 rows of 4, would be right";
-        let found = text.lines().enumerate().find_map(|(i, line)| Some((i + 1, line.trim().strip_prefix(name)?)));
-        let (line, said) = found.ok_or_else(|| format!("there is no {name} {right}"))?;
+        let mut found = text.lines().enumerate().filter_map(|(i, line)| Some((i + 1, line.trim().strip_prefix(name)?)));
+        let (line, said) = found.next().ok_or_else(|| format!("there is no {name} {right}"))?;
+        if let Some((again, _)) = found.next() {
+            return Err(format!(
+                "line {again}: {name} stands there again, after line {line}: one of them would be right"
+            ));
+        }
         let numbers: Option<Vec<f64>> =
             said.split_ascii_whitespace().map(|number| number.parse().ok().filter(|x: &f64| x.is_finite())).collect();
         let numbers = numbers.and_then(|numbers| <[f64; 12]>::try_from(numbers).ok());
@@ -249,6 +254,9 @@ mod tests {
         let said = |text: &str| projected(text, SIZE).unwrap_err();
         assert!(said(P0).starts_with("there is no P1: 12 finite numbers"));
         assert!(said(&format!("\n{P0}P1: 1 2 nan\n")).starts_with("line 3: P1: 12 finite numbers, a projection"));
+        assert!(
+            said(&format!("{P0}{P1}{P0}")).starts_with("line 3: P0: stands there again, after line 1: one of them")
+        );
         assert!(said(&P0.replacen("7.18", "-7.18", 1)).contains("with which it is singular"));
     }
 

@@ -65,6 +65,9 @@ fn euroc_camera(text: &str) -> Result<(Camera, Isometry3<f64>), CalibrationError
     let [fx, fy, cx, cy] = entries.numbers("intrinsics", "four numbers, fu, fv, cu and cv in pixels")?;
     let [k1, k2, p1, p2] = entries.numbers("distortion_coefficients", "four numbers, k1, k2, p1 and p2")?;
     let pose: [f64; 16] = entries.numbers("T_BS", "a 4 × 4 matrix, a rotation and metres")?;
+    if pose[12..] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(entries.wrong("T_BS", "a rotation and metres, and 0, 0, 0, 1 below"));
+    }
     let pose = DMatrix::from_row_slice(4, 4, &pose);
     let rotation = entries.rotation("T_BS", pose.fixed_view::<3, 3>(0, 0).into_owned())?;
     let translation = Translation3::from(pose.fixed_view::<3, 1>(0, 3).into_owned());
@@ -135,7 +138,7 @@ impl Entries<'_> {
 
     /// That an entry, where there is one, is a word.
     fn word(&self, name: &'static str, right: &'static str) -> Result<(), CalibrationError> {
-        match self.0.get(name) {
+        match self.0.only(name)? {
             Some(entry) if entry.text != right => Err(self.wrong(name, right)),
             _ => Ok(()),
         }
@@ -143,7 +146,7 @@ impl Entries<'_> {
 
     /// Finite numbers.
     fn list(&self, name: &'static str, right: &'static str) -> Result<Vec<f64>, CalibrationError> {
-        let numbers = self.0.get(name).and_then(|entry| entry.numbers());
+        let numbers = self.0.only(name)?.and_then(|entry| entry.numbers());
         numbers.filter(|all| all.iter().all(|x| x.is_finite())).ok_or_else(|| self.wrong(name, right))
     }
 

@@ -106,6 +106,7 @@ fn what_is_wrong_is_said_with_its_line() {
     );
     assert!(of_euroc("1.0, 0.0, 0.0, -0.06", "2.0, 0.0, 0.0, -0.06").contains("line 5: T_BS is [0.0, -1.0"));
     assert!(of_euroc("1.0, 0.0, 0.0, -0.06", "1.0, nan, 0.0, -0.06").contains("a 4 × 4 matrix"));
+    assert!(of_euroc("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.5, 1.0]").ends_with("and 0, 0, 0, 1 below would be right"));
     assert!(of_euroc("resolution", "size").starts_with("there is no resolution: two whole numbers"));
     assert!(of_euroc("752", "0").contains("columns and rows of 1 to 16384"));
     assert!(of_euroc("0.0, 0.0, 0.0, 1.0]", "").contains("line 8: the list that begins here does not end"));
@@ -115,6 +116,26 @@ fn what_is_wrong_is_said_with_its_line() {
     assert!(of_opencv("500., 0., 320.", "500., 3., 320.").contains("without skew"));
     assert!(of_opencv("T:", "U:").starts_with("there is no T"));
     assert!(of_opencv("0.002 ]", "0.002, 0., 7. ]").contains("D2 is"));
+}
+
+/// Regression: of a name that stood there twice the first counted, of a matrix with two `data` the last.
+#[test]
+fn what_stands_there_twice_is_said_with_both_lines() {
+    let twice = format!("{LEFT}resolution: [640, 480]\n");
+    assert_eq!(
+        euroc(&twice, &right()).unwrap_err().to_string(),
+        "line 18: resolution stands there again, after line 13: one of them would be right"
+    );
+    let twice = format!("{LEFT}camera_model: pinhole\n");
+    assert!(euroc(LEFT, &twice).unwrap_err().to_string().starts_with("line 18: camera_model stands there again"));
+    let twice = format!("{OPENCV}   data: [ -0.2, 0., 0. ]\n");
+    assert_eq!(
+        opencv(&twice).unwrap_err().to_string(),
+        "line 35: data of T stands there again, after line 34: one of them would be right"
+    );
+    // What is of no camera may be what it likes.
+    let others = format!("- note: one\n- note: two\n{OPENCV}F:\n  data: [1]\n  data: [2]\n");
+    assert_eq!(opencv(&others), opencv(OPENCV));
 }
 
 #[test]

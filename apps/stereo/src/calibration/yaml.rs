@@ -18,6 +18,16 @@ pub enum YamlError {
         /// Where it begins, counted from 1.
         line: usize,
     },
+    /// A name stands there again, and nobody knows which of the two counts.
+    #[error("line {line}: {name} stands there again, after line {first}: one of them would be right")]
+    Again {
+        /// Where it stands again, counted from 1.
+        line: usize,
+        /// Where it stands first, counted from 1.
+        first: usize,
+        /// The name.
+        name: String,
+    },
 }
 
 /// What stands behind a name.
@@ -26,6 +36,8 @@ pub struct Entry {
     /// Where it stands, counted from 1.
     pub line: usize,
     pub text: String,
+    /// Where the `data` of a matrix stand, and where they stand again.
+    data: [Option<usize>; 2],
 }
 
 impl Entry {
@@ -50,7 +62,28 @@ pub struct Document(Vec<(String, Entry)>);
 impl Document {
     /// The entry of a name; of several, the first.
     pub fn get(&self, name: &str) -> Option<&Entry> {
-        self.0.iter().find(|(other, _)| other == name).map(|(_, entry)| entry)
+        self.all(name).next()
+    }
+
+    /// The only entry of a name.
+    ///
+    /// # Errors
+    /// There are two, or it is a matrix with two `data`.
+    pub fn only(&self, name: &str) -> Result<Option<&Entry>, YamlError> {
+        let mut all = self.all(name);
+        match (all.next(), all.next()) {
+            (Some(Entry { line: first, .. }), Some(&Entry { line, .. })) => {
+                Err(YamlError::Again { line, first: *first, name: name.to_owned() })
+            }
+            (Some(&Entry { data: [Some(first), Some(line)], .. }), None) => {
+                Err(YamlError::Again { line, first, name: format!("data of {name}") })
+            }
+            (entry, _) => Ok(entry),
+        }
+    }
+
+    fn all(&self, name: &str) -> impl Iterator<Item = &Entry> {
+        self.0.iter().filter(move |(other, _)| other == name).map(|(_, entry)| entry)
     }
 
     /// # Errors
@@ -71,7 +104,7 @@ impl Document {
                 text.push_str(more.ok_or(YamlError::List { line })?.trim());
             }
             let is_inside = name.starts_with(char::is_whitespace);
-            document.add(is_inside, name.trim(), Entry { line, text });
+            document.add(is_inside, name.trim(), Entry { line, text, data: [None; 2] });
         }
         Ok(document)
     }
@@ -80,7 +113,10 @@ impl Document {
     fn add(&mut self, is_inside: bool, name: &str, entry: Entry) {
         match (is_inside, name, self.0.last_mut()) {
             (false, ..) => self.0.push((name.trim_matches('"').to_owned(), entry)),
-            (true, "data", Some((_, matrix))) => matrix.text = entry.text,
+            (true, "data", Some((_, Entry { text, data: [first @ None, _], .. }))) => {
+                (*text, *first) = (entry.text, Some(entry.line));
+            }
+            (true, "data", Some((_, Entry { data: [_, again], .. }))) => *again = again.or(Some(entry.line)),
             (true, ..) => {}
         }
     }
