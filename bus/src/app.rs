@@ -10,11 +10,12 @@ use rustix::io::Errno;
 
 use crate::broker::table;
 use crate::client::Client;
-use crate::clock::{Stopwatch, process_cpu_secs};
+use crate::clock::Stopwatch;
 use crate::comms::{Comms, CommsError};
 use crate::failure::{AppError, write_words};
-use crate::inbox::{Inbox, Refused};
+use crate::inbox::Refused;
 use crate::mail::Mail;
+use crate::status::Status;
 use crate::stop::Insistence;
 use crate::wire;
 
@@ -129,8 +130,6 @@ impl fmt::Debug for RunError {
     }
 }
 
-/// How often `<APP>_STATUS` is published, as in MOOS.
-const STATUS_PERIOD: Duration = Duration::from_secs(2);
 /// How long an app that is given what has gathered waits for the next of it, while the broker does not say that it was all.
 const LAST_MAIL_PATIENCE: Duration = Duration::from_secs(5);
 /// The longest that an app sleeps without looking whether it is to stop.
@@ -208,7 +207,7 @@ fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<()
             app.iterate(&mut client.comms)?;
         }
         hear_of_refusals(app, client)?;
-        beat.status(&mut client.comms, &client.inbox)?;
+        beat.status.say(&mut client.comms, &client.inbox)?;
     }
     Ok(())
 }
@@ -331,20 +330,18 @@ fn read_rest(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
 struct Beat {
     period_secs: Option<f64>,
     next_tick: f64,
-    next_status: Duration,
-    running: Stopwatch,
+    status: Status,
 }
 
 impl Beat {
     fn new(app: &dyn App, comms: &Comms) -> Self {
         let period_secs = app.tick_period().filter(|period| !period.is_zero()).map(|period| period.as_secs_f64());
-        Self { period_secs, next_tick: comms.time(), next_status: Duration::ZERO, running: Stopwatch::start() }
+        Self { period_secs, next_tick: comms.time(), status: Status::new() }
     }
 
     fn pause(&self, comms: &Comms) -> Duration {
         let until_tick = self.period_secs.map(|_| comms.clock().real(self.next_tick - comms.time()));
-        let until_status = self.next_status.saturating_sub(self.running.elapsed());
-        until_tick.unwrap_or(Duration::MAX).min(until_status).min(LONGEST_SLEEP)
+        until_tick.unwrap_or(Duration::MAX).min(self.status.pause()).min(LONGEST_SLEEP)
     }
 
     fn tick_is_due(&mut self, comms: &Comms) -> bool {
@@ -352,23 +349,6 @@ impl Beat {
         let (due, next) = next_tick(comms.time(), self.next_tick, period);
         self.next_tick = next;
         due
-    }
-
-    fn status(&mut self, comms: &mut Comms, inbox: &Inbox) -> Result<(), CommsError> {
-        let uptime = self.running.elapsed();
-        if uptime < self.next_status {
-            return Ok(());
-        }
-        self.next_status = uptime + STATUS_PERIOD;
-        let uptime = uptime.as_secs_f64();
-        let load = 100.0 * process_cpu_secs() / uptime.max(1e-3);
-        let memory = peak_memory_kb();
-        let (name, dropped, rejected) = (comms.name().to_owned(), inbox.dropped(), comms.rejected());
-        let status = format!(
-            "AppErrorFlag=false,Uptime={uptime:.1},cpuload={load:.1},memory_max_kb={memory},dropped={dropped},\
-             rejected={rejected},MOOSName={name}"
-        );
-        comms.notify(&format!("{}_STATUS", name.to_uppercase()), status)
     }
 }
 
@@ -382,13 +362,6 @@ fn next_tick(now: f64, next: f64, period: f64) -> (bool, f64) {
         true => (true, (next + period).max(now)),
         false => (false, next),
     }
-}
-
-/// The most memory that the process has had resident (kB).
-fn peak_memory_kb() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
-    line.and_then(|l| l.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -502,7 +475,9 @@ mod tests {
         said(1, &["SPEED_2 #2 by speaker: Speed.ahead is NaN; it has to be -50 to 50 m/s"]);
         said(2, &["SPEED_3 #3 by speaker", "no Speed"]);
         said(3, &["SPEED_4 #4 by speaker: this car has no reverse gear"]);
-        said(4, &["rejected=4"]);
+        said(4, &["AppErrorFlag=false,", ",memory_kb=", ",memory_max_kb=", ",rejected=4,", ",MOOSName=driver,"]);
+        let lists = words[4].split_once("MOOSName=driver,").map(|(_, lists)| lists);
+        assert_eq!(lists, Some("Publishing=\"MAIL_REJECTED,\",Subscribing=\"SPEED*,\""), "as MOOS' apps say it");
     }
 
     #[test]

@@ -279,6 +279,17 @@ impl Comms {
         self.registrations.iter().any(|(patterns, asked)| !asked.for_itself && fits(patterns))
     }
 
+    /// The variables that it has published so far.
+    pub(crate) fn published(&self) -> impl Iterator<Item = &str> {
+        self.keys.names()
+    }
+
+    /// The variables and patterns that the app has registered for.
+    pub(crate) fn registered(&self) -> impl Iterator<Item = &str> {
+        let of_app = self.registrations.iter().filter(|(_, asked)| !asked.for_itself);
+        of_app.map(|((keys, _), _)| keys.as_str())
+    }
+
     fn ask(&mut self, terms: &Terms, for_itself: bool) -> Result<(), CommsError> {
         short([terms.keys.as_str(), &terms.sources])?;
         let expects = match terms.carries {

@@ -38,6 +38,7 @@ mod recall;
 pub mod rejection;
 pub mod request;
 mod shown;
+mod status;
 #[cfg(feature = "tokio")]
 pub mod stream;
 pub mod subscription;

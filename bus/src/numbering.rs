@@ -55,6 +55,11 @@ impl Numbering {
         number
     }
 
+    /// All names, in the order in which they were said first.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(|(name, ..)| name.as_str())
+    }
+
     /// Introduces all names, to a broker that knows none of them.
     pub fn introduce_all(&self, batch: &mut Vec<u8>) {
         for (number, (name, layout, description)) in (self.first..).zip(&self.names) {

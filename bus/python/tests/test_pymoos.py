@@ -315,5 +315,6 @@ class Time(OnABus):
         self.assertTrue(client.wait_until_connected(PATIENCE * 1000))
         self.elk("replay", str(log), "--community", self.community, "--clock")
         eventually(lambda: "END" in times, "the recording")
-        self.assertTrue(1000 <= times["A"][0] <= times["END"][0] < 1e6, times)
+        # A client reckons on between two words of the player, and a word that comes late sets its clock back.
+        self.assertTrue(all(1000 <= time < 1e6 for time, _ in times.values()), times)
         self.assertGreater(times["END"][1], 1e9)

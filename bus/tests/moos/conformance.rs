@@ -15,6 +15,7 @@
 //! | 1.9 liveness | a silence of 5 s: `hostile.rs`, `handshake.rs` |
 //! | 1.10 time warp | `warp.rs` |
 //! | 1.11 DB_* | each one's source, type and content |
+//! | 1.11 `<APP>_STATUS` | what elk's apps say of themselves is what MOOS' say |
 
 use elk_bus::Clock;
 use elk_bus::moos::hello::Manner::{Asynchronous, Synchronous};

@@ -2,12 +2,15 @@
 //! writes itself (1.11). Where elk is otherwise than a MOOSDB on purpose, as docs/moos.md lists, it is said so.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use elk_bus::moos::gateway::GatewayOptions;
 use elk_bus::moos::hello::Manner::Asynchronous;
 use elk_bus::moos::message::{Data, Kind, Message, NO_ID, NO_NUMBER, REQUEST_ID};
+use elk_bus::{App, AppError, Client, Comms, Mail, run_app_on};
 
-use crate::server::{Heard, Served, hear};
+use crate::server::{Heard, Served, hear, settle};
 use crate::wire::{Wire, number, register, request, text, unregister, wildcard};
 
 /// Longer than any test.
@@ -415,4 +418,49 @@ fn section_1_11_the_server_s_own_variables() {
     hear(&mut b, "who comes", said("connected=c"));
     drop(c);
     hear(&mut b, "who goes", said("disconnected=c"));
+}
+
+/// An app of elk's that has said a number, and waits for others.
+struct Nav;
+
+impl App for Nav {
+    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        comms.register("GPS_*")?;
+        Ok(comms.notify("NAV_X", 1.0)?)
+    }
+
+    fn on_new_mail(&mut self, _comms: &mut Comms, _mail: &Mail<'_>) -> Result<(), AppError> {
+        Ok(())
+    }
+}
+
+/// MOOS' apps say it themselves, by their library; elk's do as well, in the same words.
+#[test]
+fn section_1_11_what_an_app_says_of_itself() {
+    let served = Served::start("section-11-status");
+    let mut b = served.moos("b");
+    b.register("NAV_STATUS", 0.0);
+    settle(&mut b);
+    let stop = Arc::new(AtomicBool::new(false));
+    let (community, stopped) = (served.community.clone(), stop.clone());
+    let app = std::thread::spawn(move || {
+        let mut client = Client::connect(&community, "nav").unwrap();
+        run_app_on(&mut Nav, &mut client, &stopped).unwrap();
+    });
+    let heard = hear(&mut b, "its status, again and again", |heard| heard.len() >= 2);
+    stop.store(true, Ordering::Relaxed);
+    app.join().unwrap();
+    for one in heard {
+        assert_eq!((one.key.as_str(), one.source.as_str(), one.data), ("NAV_STATUS", "nav", Data::STRING));
+        let (numbers, lists) = one.text().split_once(",MOOSName=nav,").unwrap();
+        let numbers: BTreeMap<&str, &str> = numbers.split(',').map(|part| part.split_once('=').unwrap()).collect();
+        assert_eq!(numbers["AppErrorFlag"], "false");
+        let [uptime, load, memory, most] =
+            ["Uptime", "cpuload", "memory_kb", "memory_max_kb"].map(|name| numbers[name].parse::<f64>().unwrap());
+        assert!(uptime >= 0.0 && load >= 0.0 && 0.0 < memory && memory <= most, "{numbers:?}");
+        let expected = ["Publishing=\"NAV_X,\",", "Publishing=\"NAV_X,NAV_STATUS,\","];
+        let (publishing, subscribing) = lists.split_at(lists.find("Subscribing").unwrap());
+        assert!(expected.contains(&publishing), "{lists}");
+        assert_eq!(subscribing, "Subscribing=\"GPS_*,\"");
+    }
 }

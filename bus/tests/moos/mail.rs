@@ -248,3 +248,71 @@ fn names_of_others_are_taken_where_that_is_allowed() {
     player.flush().unwrap();
     assert_eq!(elk_hears(&mut reader, "what is played", 1)[0].1, "pNav");
 }
+
+/// A client of shared memory and one of MOOS' speak as one source at the same time: all readers hear the same order, each
+/// speaker's own is kept, and nothing is missing, of whatever kind the values are.
+#[test]
+fn what_both_kinds_of_client_say_as_one_source_is_one_sequence() {
+    const COUNT: usize = 600;
+    let served = Served::with("one-source", |options| GatewayOptions { any_source: true, ..options });
+    let (mut elk, mut moos) = (served.elk("elk-reader"), served.moos("moos-reader"));
+    for key in ["NUMBER", "TEXT"] {
+        elk.comms.register(any(key)).unwrap();
+        moos.register(key, 0.0);
+    }
+    elk.comms.flush().unwrap();
+    settle(&mut moos);
+    elk.receive(Duration::ZERO, |_| {}).unwrap();
+    let (by_elk, by_moos) = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut nav = served.elk("nav");
+            for n in 0..COUNT {
+                match n % 3 {
+                    0 => nav.comms.notify("NUMBER", n as f64).unwrap(),
+                    _ => nav.comms.notify("TEXT", n.to_string()).unwrap(),
+                }
+                if n % 10 == 9 {
+                    nav.comms.flush().unwrap();
+                }
+            }
+        });
+        scope.spawn(|| {
+            let mut player = served.moos("player");
+            for n in COUNT..2 * COUNT {
+                let said = n.to_string();
+                let (number, text) =
+                    (Message::new(Kind::NOTIFY, Data::DOUBLE), Message::new(Kind::NOTIFY, Data::STRING));
+                let message = match n % 3 {
+                    0 => Message { key: b"NUMBER", number: n as f64, ..number },
+                    _ => Message { key: b"TEXT", value: said.as_bytes(), ..text },
+                };
+                player.say(&Message { source: b"nav", time: 5.0, ..message });
+                if n % 7 == 6 {
+                    player.flush().unwrap();
+                }
+            }
+            settle(&mut player);
+        });
+        let of_moos =
+            scope.spawn(|| hear(&mut moos, "all of both, as a client of MOOS'", |heard| heard.len() == 2 * COUNT));
+        let of_elk = elk_hears(&mut elk, "all of both, in shared memory", 2 * COUNT);
+        let of_moos = of_moos.join().unwrap();
+        let by_elk = of_elk.into_iter().map(|(_, source, value)| {
+            let n = match value {
+                Value::Double(number) => number as usize,
+                Value::Text(text) => text.parse().unwrap(),
+                other => panic!("{other:?}"),
+            };
+            (source, n)
+        });
+        let by_moos = of_moos.iter().map(|one| {
+            let n = if one.data == Data::DOUBLE { one.number as usize } else { one.text().parse().unwrap() };
+            (one.source.clone(), n)
+        });
+        (by_elk.collect::<Vec<_>>(), by_moos.collect::<Vec<_>>())
+    });
+    assert!(by_elk == by_moos, "both readers hear one order");
+    assert!(by_elk.iter().all(|(source, _)| source == "nav"));
+    let (of_elk, of_moos): (Vec<usize>, Vec<usize>) = by_elk.iter().map(|(_, n)| *n).partition(|n| *n < COUNT);
+    assert!(of_elk.into_iter().eq(0..COUNT) && of_moos.into_iter().eq(COUNT..2 * COUNT), "each as it was said");
+}
