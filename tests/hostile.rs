@@ -288,6 +288,7 @@ fn lies(request: u64, revision: u64) -> impl Iterator<Item = Plan> {
     let near = |x: f64| Point3::new(x, 0.0, 0.8);
     let path = |points: Vec<Point3<f64>>| Path {
         looks: vec![Pose::from_yaw_pitch(points[0], 0.0, 0.0)],
+        again: false,
         points,
         target: Voxel::new(1, 0, 8),
         unknown: vec![],

@@ -358,7 +358,8 @@ fn before_start(element: &str) {
 fn long_lies() -> Vec<(String, Value)> {
     const MANY: usize = 1_000_000;
     let here = Point3::new(0.0, 0.0, 0.8);
-    let path = |points| messages::Path { points, target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![] };
+    let path =
+        |points| messages::Path { points, target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![], again: false };
     let motion = || MotionPolicy {
         name: String::new(),
         scan_spacing_m: 0.01,
@@ -583,7 +584,7 @@ fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
     coarse.set(Voxel::new(0, 0, 0), State::Free);
     let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(outlier.whole(), 1) };
     let plan = |points: Vec<Point3<f64>>, clearance_m: f64, revision: u64| {
-        let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![] };
+        let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![], again: false };
         let motion = MotionPolicy {
             name: "liar".into(),
             scan_spacing_m: 0.01,

@@ -616,10 +616,11 @@ impl Underway {
         }
     }
 
-    /// Whether the target is no longer a frontier voxel.
+    /// Whether the target is no longer a frontier voxel. What is looked at again is never resolved: all looks are taken.
     fn resolved(&self, grid: &OccupancyGrid) -> bool {
         let unknown = |v: &Voxel| grid.state(*v) == State::Unknown;
-        grid.state(self.path.target) != State::Free || !self.path.unknown.iter().any(unknown)
+        let is_frontier = || grid.state(self.path.target) == State::Free && self.path.unknown.iter().any(unknown);
+        !self.path.again && !is_frontier()
     }
 
     /// Whether what was learned since the plan was made is in the way. The robot may always leave the voxel that it is in: of one

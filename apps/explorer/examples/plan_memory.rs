@@ -25,6 +25,7 @@ fn settings() -> Settings {
     Settings {
         policy: Policy::elk(0.4),
         bounds: None,
+        confidence: None,
         planar: false,
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).expect("a voxel can be afforded"),

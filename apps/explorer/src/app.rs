@@ -8,14 +8,14 @@ use elk_bus::{App, AppError, Comms, Handlers, Mail, Origin, Rejection, any, aske
 use elk_geometry::clearance::Clearance;
 use elk_geometry::delta::Changes;
 use elk_geometry::limits::RESOLUTIONS_M;
-use elk_geometry::{Bounds, Voxel};
+use elk_geometry::{Bounds, Voxel, VoxelSet};
 use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
-    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, EXPLORER_PAST, MAP, MAP_KNOWN, MAP_PART, MAP_RECALL,
-    MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, strategy_memory,
+    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, EXPLORER_PAST, MAP, MAP_CONFIDENCE, MAP_KNOWN, MAP_PART,
+    MAP_RECALL, MAP_REQUEST, MAP_UNSURE, MAP_UPDATE, PLAN, PLAN_REQUEST, strategy_memory,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, ExplorerPast, MapStatus, Plan, PlanRequest};
@@ -66,7 +66,14 @@ const ATTEMPTS: ParamSpec = param(
     "Attempts",
     COUNT,
     "4",
-    "Distinct places from which a frontier voxel is looked at before it is given up as unresolved.",
+    "Distinct places from which a frontier voxel, or one of little confidence, is looked at in vain before it is given up.",
+);
+const CONFIDENCE: ParamSpec = param(
+    "Confidence",
+    Kind::Number { unit: "", min: 0.0, max: 0.999 },
+    "0",
+    "When no frontier is left, voxels that are occupied with a smaller probability (no unit) are looked at again, from Attempts places \
+     each at most (thesis 7.2, 1); at most 0.5, with which a voxel is occupied at all: none is.",
 );
 const MAX_SCANS: ParamSpec = param("MaxScans", COUNT, "10000", "A run that takes more scans than this has failed.");
 const PATIENCE: ParamSpec = param(
@@ -82,12 +89,27 @@ const MAX_BRICKS_PARAM: ParamSpec = param(
     "Bricks of 8x8x8 voxels that the map may have: the map's.",
 );
 /// The parameters that all explorers have.
-pub const COMMON: &[ParamSpec] =
-    &[MID, DIM, PLANAR, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, MAX_BRICKS_PARAM];
+pub const COMMON: &[ParamSpec] = &[
+    MID,
+    DIM,
+    PLANAR,
+    RES,
+    POLICY,
+    RADIUS,
+    SPACING,
+    MIN_FRONTIER,
+    ATTEMPTS,
+    CONFIDENCE,
+    MAX_SCANS,
+    PATIENCE,
+    MAX_BRICKS_PARAM,
+];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {
-    let explorer = Explorer::new(strategy, settings(params)?);
+    let settings = settings(params)?;
+    let confidence = settings.confidence;
+    let explorer = Explorer::new(strategy, settings);
     // The table keeps the number of bricks positive.
     let max_bricks = params.integer("MaxBricks") as usize;
     let app = ExplorerApp {
@@ -98,6 +120,8 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         requests: Requests::default(),
         plan: None,
         drawn: Vec::new(),
+        confidence,
+        unsure_at: 0,
     };
     Ok(Box::new(app.on_the_bus()))
 }
@@ -112,6 +136,8 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
             _ => Policy::elk(spacing),
         },
         bounds: bounds(params),
+        // What is occupied is so with more than half.
+        confidence: Some(params.number("Confidence")).filter(|confidence| *confidence > 0.5),
         planar: params.flag("Planar"),
         radius_m: params.number("Radius"),
         clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
@@ -143,12 +169,19 @@ pub struct ExplorerApp {
     plan: Option<Plan>,
     /// Names of what the strategy has drawn of it.
     drawn: Vec<String>,
+    /// Probability below which an occupied voxel is looked at again.
+    confidence: Option<f64>,
+    /// The revision of the map of which it has last heard such voxels.
+    unsure_at: u64,
 }
 
 impl ExplorerApp {
     fn on_the_bus(self) -> impl App {
         let own = strategy_memory(self.explorer.strategy());
-        Handlers::<Self>::new()
+        let handlers = Handlers::<Self>::new();
+        // Before each update comes what of the map it looks at again.
+        let handlers = if self.confidence.is_some() { handlers.on(&MAP_UNSURE, Self::on_unsure) } else { handlers };
+        handlers
             .on_start_up(Self::introduce)
             // What the memory goes on from is known when it comes.
             .recall(&EXPLORER_PAST, Self::hear_of_past)
@@ -167,6 +200,9 @@ impl ExplorerApp {
 
     fn introduce(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
+        if let Some(confidence) = self.confidence {
+            comms.notify(MAP_CONFIDENCE, confidence)?;
+        }
         // Asked now, so that the answer is there before the first plan.
         comms.is_watched()?;
         Ok(())
@@ -252,6 +288,19 @@ impl ExplorerApp {
         self.go_on_with(comms, taken)
     }
 
+    /// The voxels that are occupied with little confidence, all of them.
+    fn on_unsure(&mut self, comms: &mut Comms, unsure: MapUpdate) -> Result<(), AppError> {
+        let (own, have) = (self.replica.grid().resolution(), unsure.resolution);
+        if (own - have).abs() > 1e-9 * own {
+            return Err(Rejection::new(UpdateError::Resolution { have: own, update: have }).into());
+        }
+        let mut voxels = VoxelSet::new();
+        unsure.bricks.iter().for_each(|brick| voxels.unite(brick.position(), brick.unpack().occupied()));
+        self.explorer.hear_of_unsure(voxels);
+        self.unsure_at = unsure.revision;
+        self.answer(comms)
+    }
+
     fn on_map_part(&mut self, comms: &mut Comms, part: MapPart) -> Result<(), AppError> {
         let taken = self.replica.take_part(&part);
         self.go_on_with(comms, taken)
@@ -278,7 +327,9 @@ impl ExplorerApp {
         if self.replica.is_doubtful() {
             return Ok(());
         }
-        let revision = self.replica.grid().revision();
+        let known = self.replica.grid().revision();
+        // In the order in which the map says them, what is unsure in a revision is there before it.
+        let revision = if self.confidence.is_some() { known.min(self.unsure_at) } else { known };
         self.requests.take_due(revision).into_iter().try_for_each(|request| self.answer_one(comms, request))
     }
 

@@ -1,6 +1,7 @@
 //! One explorer: from a map and a pose to the next path, until nothing is left that can be reached and seen.
 
 mod agenda;
+mod inspection;
 mod memory;
 mod nearest;
 mod scene;
@@ -17,7 +18,7 @@ use elk_bus::drawing::Drawing;
 use elk_bus::tell;
 use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Edges;
-use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
+use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Pose, Voxel, VoxelSet, mask};
 use elk_spatial::CameraInfo;
 use elk_spatial::candidates::Candidates;
 use elk_spatial::checks::MAX_COUNT;
@@ -36,10 +37,19 @@ use crate::strategy::{Route, Strategy, View};
 use crate::strategy_memory::StrategyMemory;
 use crate::target::{Known, Target};
 use crate::weighed::Weighed;
+use inspection::{Inspection, UnsureLeft, Vantage};
 use memory::Memory;
 use scene::Scene;
 use slice::slab;
 use verdict::{StopReason, Verdict};
+
+/// The counters of an inspection: unsure voxels when it began, places that were gone to, and what is unsure in the end.
+const UNSURE: &str = "unsure before inspection";
+const INSPECTED: &str = "places of inspection";
+const IN_VAIN: &str = "unsure, inspected in vain";
+const UNSEEN: &str = "unsure, invisible";
+const OPEN: &str = "unsure, open";
+const COME: &str = "unsure since inspection";
 
 /// Plans, remembers what it tried, and knows when it is done.
 pub struct Explorer {
@@ -60,6 +70,8 @@ pub struct Explorer {
     /// The goals that were weighed for the last plan.
     weighed: Weighed,
     frontier: FrontierSet,
+    /// What is occupied with little confidence.
+    inspection: Inspection,
     /// What the last plan was made over.
     scene: Option<Scene>,
     /// Voxels in which the map has changed since.
@@ -84,6 +96,7 @@ impl Explorer {
             past: ExplorerPast::default(),
             journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
             frontier: FrontierSet::new(settings.bounds),
+            inspection: Inspection::default(),
             volume: settings.bounds,
             layer: None,
             is_full: false,
@@ -105,6 +118,12 @@ impl Explorer {
         let changed: VoxelSet = changed.into_iter().map(|voxel| *voxel.borrow()).collect();
         self.frontier.follow(grid, &changed);
         changed.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
+    }
+
+    /// These voxels of the map are unsure, occupied with less confidence than the settings ask for, and no others: they are looked at again
+    /// when no frontier is left to be resolved.
+    pub fn hear_of_unsure(&mut self, unsure: VoxelSet) {
+        self.inspection.hear_of(unsure);
     }
 
     /// Whether the map is full, and comes to know nothing of bricks that it does not have.
@@ -143,7 +162,9 @@ impl Explorer {
         let named: Vec<&str> = named.map(String::as_str).collect();
         let slice = if self.settings.planar { "; the slice of the map at the robot's height" } else { "" };
         let (policy, radius) = (self.settings.policy.describe(), self.settings.radius_m);
-        format!("{}; {policy}; clearance {radius} m{slice}", named.join(": "))
+        let again =
+            self.settings.confidence.map(|least| format!("; what is occupied with less than {least} is inspected"));
+        format!("{}; {policy}; clearance {radius} m{slice}{}", named.join(": "), again.unwrap_or_default())
     }
 
     /// Why it ended and what is left; there once a plan was [`Decision::Done`].
@@ -267,6 +288,7 @@ impl Explorer {
     fn plan_over(&mut self, known: Known, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans = (self.plans + 1).min(MAX_COUNT);
+        self.inspection.learn(known, request, &mut self.memory);
         self.memory.learn(request, known, self.settings.policy.scan_spacing_m, self.no_return);
         self.weighed = Weighed::default();
         Plan {
@@ -313,7 +335,13 @@ impl Explorer {
             false => scene.agenda.goals(),
         };
         if goals.is_empty() {
-            return self.stop(StopReason::Explored, scene, known);
+            return match self.inspect(scene, known, from) {
+                Some(path) => {
+                    self.report = None;
+                    Decision::Go(path)
+                }
+                None => self.stop(StopReason::Explored, scene, known),
+            };
         }
         let open = match self.strategy.looks_from_afar() {
             true => self.journal.time("goals", || scene.agenda.targets(known, &self.memory)),
@@ -446,10 +474,52 @@ impl Explorer {
                 points,
                 target: target.voxel,
                 unknown: target.unknown().collect(),
+                again: false,
             }
         });
         self.memory.remember(&path);
         path
+    }
+
+    /// The path to where most that is unsure is seen from; `None`: nobody asks for that, or all of it is given up.
+    fn inspect(&mut self, scene: &Scene, known: Known, robot: Point3<f64>) -> Option<Path> {
+        self.settings.confidence?;
+        let (space, settings, memory) = (&scene.space, &self.settings, &mut self.memory);
+        if self.journal.counters().iter().all(|(name, _)| name != UNSURE) {
+            self.journal.count(UNSURE, self.inspection.begin(space, memory, settings));
+        }
+        let inspection = &self.inspection;
+        let vantage = self.journal.time("inspection", || inspection.next(known, space, memory, settings))?;
+        let Vantage { target, way, axes } = vantage;
+        let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
+        let mut points: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
+        points.extend(way.into_iter().skip(1).map(|voxel| space.center(voxel)));
+        if settings.planar {
+            points.iter_mut().for_each(|point| point.z = robot.z);
+        }
+        let points = settings.policy.straightened(space, points, space.escape.len());
+        let end = points.last().copied().unwrap_or(robot);
+        let looks = axes.into_iter().map(|axis| Pose::looking(end, axis)).collect();
+        let path = Path { points, target, unknown: vec![], looks, again: true };
+        self.memory.remember(&path);
+        self.journal.count(INSPECTED, 1);
+        Some(path)
+    }
+
+    /// What an inspection came to, for people, and its figures; `None`: there was none.
+    fn inspected(&self, scene: &Scene) -> Option<(String, [(&'static str, u64); 4])> {
+        let least = self.settings.confidence?;
+        let count = |what| self.journal.counters().iter().find(|(name, _)| name == what).map(|(_, count)| *count);
+        let (before, places) = (count(UNSURE)?, count(INSPECTED).unwrap_or(0));
+        let left = self.inspection.left(&scene.space, &self.memory, &self.settings);
+        let UnsureLeft { open, in_vain, unseen, come } = left;
+        let how = if open == 0 { "inspected is" } else { "not inspected to the end is" };
+        let said = format!(
+            "; {how} what was occupied with less than {least} (Confidence), from {places} places: of {before} such voxels before there are \
+             {} now, {in_vain} looked at in vain, {unseen} that no place sees, {open} open and {come} that came to it meanwhile",
+            left.total()
+        );
+        Some((said, [(IN_VAIN, in_vain), (UNSEEN, unseen), (OPEN, open), (COME, come)]))
     }
 
     fn stop(&mut self, why: StopReason, scene: &Scene, known: Known) -> Decision {
@@ -460,6 +530,11 @@ impl Explorer {
             let height = scene.space.center(scene.robot()).z;
             reason +=
                 &format!("; explored was the slice of the map at z = {height:.2} m, in which the robot stays (Planar)");
+        }
+        let mut counters = self.journal.counters().to_vec();
+        if let Some((said, figures)) = self.inspected(scene) {
+            reason += &said;
+            counters.extend(figures.map(|(name, count)| (name.to_owned(), count)));
         }
         let (plans, (faults, first)) = (self.plans, self.journal.faults());
         let fallbacks = self.journal.fallbacks.saturating_sub(faults);
@@ -484,7 +559,7 @@ impl Explorer {
             reason,
             frontiers_left: left,
             plans: self.plans,
-            counters: self.journal.counters().to_vec(),
+            counters,
             cpu_secs: self.journal.phases().to_vec(),
         });
         Decision::Done

@@ -105,6 +105,13 @@ impl Policy {
         self.cut(space, target, range_m, straight)
     }
 
+    /// A way that is followed to its end, straightened if the policy does that; the first `fixed` of its points are left as they are.
+    pub fn straightened(&self, space: &Space, way: Vec<Point3<f64>>, fixed: usize) -> Vec<Point3<f64>> {
+        let whole = Polyline::new(way.iter().copied()).filter(|_| self.straighten);
+        let fixed = Polyline::new(way.iter().copied().take(fixed)).map_or(0.0, |fixed| fixed.length());
+        whole.map_or(way, |whole| straighten(space, &whole, fixed).points().to_vec())
+    }
+
     /// Ends the way where the target is in sight.
     fn cut(&self, space: &Space, target: &Target, range_m: f64, way: Polyline) -> Polyline {
         let Some(range) = self.stop_at_sight_m.map(|range| range.min(range_m)) else {

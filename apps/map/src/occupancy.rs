@@ -5,7 +5,7 @@ use elk_geometry::bricks::{brick_of, cell_of, swap_remove, voxel_at};
 use elk_geometry::delta::{Changes, Delta};
 use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::mask::{self, Mask};
-use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
+use elk_geometry::{Bounds, OccupancyGrid, State, Voxel, VoxelSet};
 
 use crate::fan::Ray;
 use crate::log_odds::{Codes, LogOdds};
@@ -300,6 +300,20 @@ impl OccupancyMap {
         })
     }
 
+    /// The occupied voxels of which the map is less sure than of the log-odds `below`. What is as sure as the map ever is
+    /// ([`MapConfig::clamp_max`]) is none of them.
+    pub fn unsure(&self, below: f32) -> VoxelSet {
+        let below = below.min(self.config.clamp_max);
+        let mut unsure = VoxelSet::new();
+        for (i, brick) in self.bricks.iter().enumerate() {
+            let mut cells = mask::NONE;
+            let is_unsure = |cell: &usize| brick.log_odds.get(*cell, &self.codes) < below;
+            mask::cells(&brick.occupied).filter(is_unsure).for_each(|cell| mask::set(&mut cells, cell));
+            unsure.replace(self.table.position(i), &cells);
+        }
+        unsure
+    }
+
     /// Advances to the next revision and answers what changed since the one before: `changed` is what
     /// [`OccupancyMap::insert`] answered.
     pub fn advance(&mut self, changed: &Changes) -> Delta<'static> {
@@ -378,7 +392,30 @@ impl OccupancyMap {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        /// After any scans: by a look at each voxel.
+        #[test]
+        fn unsure_is_what_is_occupied_with_less(
+            ends in prop::collection::vec((-1.0..1.0, -1.0..1.0, -1.0..1.0), 1..60),
+            below in 0.0..5.0_f32,
+        ) {
+            let mut map = OccupancyMap::new(MapConfig { grazing: crate::Grazing::None, ..MapConfig::default() }).unwrap();
+            for end in &ends {
+                map.insert([0.01; 3].into(), [nalgebra::Point3::from(<[f64; 3]>::from(*end))]);
+            }
+            let most = below.min(map.config().clamp_max);
+            let unsure: BTreeSet<Voxel> =
+                map.known().filter(|(_, log_odds)| *log_odds > 0.0 && *log_odds < most).map(|(voxel, _)| voxel).collect();
+            prop_assert_eq!(map.unsure(below).iter().collect::<BTreeSet<_>>(), unsure);
+            prop_assert!(map.unsure(0.0).is_empty());
+        }
+    }
 
     #[test]
     fn settings_that_make_no_sense_are_refused() {

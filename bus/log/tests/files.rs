@@ -340,6 +340,7 @@ fn spatial() -> Vec<Record> {
         target: Voxel::new(20, 20, 5),
         unknown: vec![],
         looks: vec![pose],
+        again: false,
     };
     let plan = Plan { request: 1, revision: 1, decision: Decision::Go(way), motion, cpu_secs: 0.5 };
     vec![

@@ -44,6 +44,9 @@ typed! {
     MAP_PART: MapPart;
     /// Map to anyone: the whole map, at the end. Readers to a map that has lost its memory: their copy.
     MAP: MapUpdate;
+    /// Map to an explorer that asks for it ([`MAP_CONFIDENCE`]), before each update: the voxels that are occupied with less confidence, all
+    /// of them, as a whole map of these alone.
+    MAP_UNSURE: MapUpdate;
     /// Map to its successor: all that it knows, when it stops.
     MAP_MEMORY: MapMemory;
     /// Map to anyone: how much is known. (Not `MAP_STATUS`: every app says `<APP>_STATUS` of itself, and one may be named Map.)
@@ -82,6 +85,9 @@ plain! {
     /// A map that was killed, to its readers: whoever has a copy of this revision (a double) or a later one says it under
     /// [`MAP`].
     MAP_RECALL;
+    /// Explorer to the map: say with each update which voxels are occupied with a probability of less than this (a double; 0: none
+    /// any more), under [`MAP_UNSURE`].
+    MAP_CONFIDENCE;
     /// Person to controller: `pause` before the next pose command, or `run` (again). Without it the parameter `Manual` decides.
     MOTION;
     /// Person to a controller that pauses: one more pose command (any double).

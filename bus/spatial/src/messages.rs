@@ -501,6 +501,10 @@ pub struct Path {
     /// Poses to scan from at the end of the path, in order, as long as the target is not resolved.
     #[describe(longest = checks::MAX_LOOKS)]
     pub looks: Vec<Pose>,
+    /// Whether all that is to be seen there is known already, and is looked at again: no map of three values tells when that is
+    /// resolved, so all looks are taken.
+    #[describe(default)]
+    pub again: bool,
 }
 
 /// How to move and when to scan: the same for all strategies (thesis 6.5.1, and what a prototype paid for).

@@ -105,6 +105,7 @@ fn plan(request: &PlanRequest, early_stop: bool) -> Plan {
             target: Voxel::new(39, 2, 2),
             unknown: vec![Voxel::new(40, 2, 2)],
             looks: vec![look(Vector3::x()), look(Vector3::y())],
+            again: false,
         }),
         motion: MotionPolicy {
             name: "test".into(),
@@ -161,6 +162,22 @@ fn a_resolved_target_ends_the_path_if_the_policy_says_so() {
         match early_stop {
             true => assert_eq!(request(&actions).outcome, Outcome::Resolved),
             false => assert!(matches!(actions[..], [Action::Progress(_), Action::Command(_)])),
+        }
+    }
+}
+
+/// What is looked at again is known from the beginning: the robot goes there, and takes all looks.
+#[test]
+fn what_is_looked_at_again_is_not_resolved_by_being_known() {
+    for again in [false, true] {
+        let (mut bench, first) = Bench::new();
+        let mut plan = plan(&first, true);
+        let Decision::Go(path) = &mut plan.decision else { unreachable!() };
+        (path.unknown, path.again) = (vec![Voxel::new(1, 2, 2)], again);
+        let asked = bench.follow(&plan);
+        match again {
+            true => assert_eq!((asked.outcome, bench.commands.len()), (Outcome::Unresolved, 9)),
+            false => assert_eq!((asked.outcome, bench.commands.len()), (Outcome::Resolved, 0)),
         }
     }
 }

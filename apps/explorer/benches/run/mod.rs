@@ -237,6 +237,7 @@ fn settings(bounds: Bounds) -> Settings {
     Settings {
         policy: Policy::elk(0.4),
         bounds: Some(bounds),
+        confidence: None,
         planar: false,
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).expect("a voxel can be afforded"),

@@ -166,12 +166,12 @@ impl Memory {
             let begun = path.points.first() != Some(&request.pose.position());
             let refused = request.outcome == Outcome::Refused || (request.outcome == Outcome::Cut && !begun);
             self.refused = (self.refused + u64::from(refused)).min(MAX_COUNT);
-            if frontier.contains(path.target) {
+            if path.again || frontier.contains(path.target) {
                 self.judge(path, request.outcome, robot, resolution);
             }
         }
         let in_vain = request.outcome == Outcome::Unresolved && no_return > self.no_return;
-        if let Some(path) = followed.as_ref().filter(|_| in_vain) {
+        if let Some(path) = followed.as_ref().filter(|path| in_vain && !path.again) {
             self.judge_view(&path.looks, request.pose.position(), known);
         }
         self.no_return = no_return;
@@ -215,6 +215,7 @@ impl Memory {
         let end = path.points.last().copied();
         let record = self.record(path.target);
         match outcome {
+            Outcome::Unresolved if path.again && !is_untried(&record.tried, robot) => {}
             Outcome::Unresolved => tried_from(record, robot),
             Outcome::Cut | Outcome::Refused => {
                 record.cuts += 1;
@@ -314,6 +315,29 @@ impl Memory {
         self.hidden.contains(&target)
     }
 
+    /// The last path, until something is learned of it.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_ref()
+    }
+
+    /// `target` is to be looked at, and was not yet.
+    pub fn keep_in_mind(&mut self, target: Voxel) {
+        self.record(target);
+    }
+
+    /// Whether anything is remembered of `target`.
+    pub fn has_in_mind(&self, target: Voxel) -> bool {
+        self.remembered.contains(target)
+    }
+
+    /// `target` was looked at from voxel `place`, too, in vain.
+    pub fn look_in_vain(&mut self, target: Voxel, place: Voxel) {
+        let record = self.record(target);
+        if is_untried(&record.tried, place) {
+            tried_from(record, place);
+        }
+    }
+
     /// Has the explorer's last decision.
     pub fn remember(&mut self, path: &Path) {
         let record = self.record(path.target);
@@ -399,7 +423,7 @@ mod tests {
     /// A metre along x.
     fn straight(from: Voxel) -> Path {
         let from_m = from.center(0.1);
-        Path { points: vec![from_m, from_m + Vector3::x()], target: from, unknown: vec![], looks: vec![] }
+        Path { points: vec![from_m, from_m + Vector3::x()], target: from, unknown: vec![], looks: vec![], again: false }
     }
 
     #[test]
@@ -422,7 +446,7 @@ mod tests {
         fn a_successor_has_what_was_said_in_parts(
             learned in prop::collection::vec((0..40u8, prop::array::uniform3(-9..9i32)), 1..400),
         ) {
-            let path = Path { points: vec![], target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![] };
+            let path = Path { points: vec![], target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![], again: false };
             let mut left = super::super::tests::fullest_memory(path);
             let (frontier, mut memory, mut past) = (FrontierSet::new(None), Memory::default(), ExplorerPast::default());
             for (what, voxel) in learned {

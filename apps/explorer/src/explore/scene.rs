@@ -149,7 +149,7 @@ mod tests {
                 let position = robot.center(0.1);
                 let target = target.and_then(|n| frontier.iter().nth(n));
                 if let Some(target) = target {
-                    memory.remember(&Path { points: vec![position], target, unknown: vec![], looks: vec![] });
+                    memory.remember(&Path { points: vec![position], target, unknown: vec![], looks: vec![], again: false });
                 }
                 let outcome = if target.is_some() { Outcome::Unresolved } else { Outcome::First };
                 let request = PlanRequest { id: 1, pose: Pose::looking(position, Vector3::x()), revision: 1, outcome };

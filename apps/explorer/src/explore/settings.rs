@@ -12,6 +12,8 @@ pub struct Settings {
     pub policy: Policy,
     /// The volume to explore; `None`: all there is.
     pub bounds: Option<Bounds>,
+    /// Probability below which an occupied voxel is looked at again, as the map is told; `None`: none is.
+    pub confidence: Option<f64>,
     /// Whether the robot stays at the height at which it is, and explores the slice of the map there.
     pub planar: bool,
     /// Radius of a sphere around the robot's body (m).

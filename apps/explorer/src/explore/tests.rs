@@ -1,3 +1,5 @@
+mod inspection;
+
 use super::*;
 use elk_geometry::Bounds;
 use elk_geometry::clearance::Clearance;
@@ -68,6 +70,7 @@ pub(super) fn settings(policy: Policy) -> Settings {
     Settings {
         policy,
         bounds: None,
+        confidence: None,
         planar: false,
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).unwrap(),
@@ -408,7 +411,13 @@ fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
     let ahead = Vector3::new(0.1, 0.0, 0.0);
     let far = (0..MAX_CORNERS).map(|n| start.position() + ahead * if n % 2 == 0 { 1.0 } else { 3e6 }).collect();
     for points in [vec![start.position() + ahead, start.position()], far] {
-        let path = Path { points, target: explorer.frontier().iter().next().unwrap(), unknown: vec![], looks: vec![] };
+        let path = Path {
+            points,
+            target: explorer.frontier().iter().next().unwrap(),
+            unknown: vec![],
+            looks: vec![],
+            again: false,
+        };
         let left = fullest_memory(path);
         ExplorerMemory::check(&left).unwrap();
         explorer.succeed(&left);

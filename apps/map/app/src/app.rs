@@ -5,15 +5,17 @@ use std::time::Duration;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handlers, Key, Mail, Rejection, Subscribe, tell};
-use elk_geometry::Bounds;
 use elk_geometry::delta::Delta;
 use elk_geometry::limits::RESOLUTIONS_M;
+use elk_geometry::state::{BrickStates, Cells};
+use elk_geometry::{Bounds, mask};
 use elk_map::{DepthError, Dropped, Grazing, Insertion, Integration, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params, PreflightReport};
 
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
 use elk_spatial::keys::{
-    MAP, MAP_KNOWN, MAP_MEMORY, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
+    MAP, MAP_CONFIDENCE, MAP_KNOWN, MAP_MEMORY, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UNSURE, MAP_UPDATE, PLAN,
+    PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{MapMemory, MapStatus};
@@ -207,6 +209,8 @@ struct MapApp {
     rays: RayTally,
     /// The camera of the last scan.
     camera: CameraInfo,
+    /// An explorer wants to know which voxels are occupied with log-odds below this.
+    confidence: Option<f32>,
 }
 
 impl MapApp {
@@ -230,6 +234,7 @@ impl MapApp {
             range_said: false,
             rays: RayTally::default(),
             camera: CameraInfo::default(),
+            confidence: None,
         })
     }
 
@@ -249,6 +254,7 @@ impl MapApp {
             .recalled(Self::recalled)
             .on(&self.input, Self::on_scan)
             .on(elk_bus::number(MAP_REQUEST), Self::on_request)
+            .on(elk_bus::number(MAP_CONFIDENCE), Self::on_confidence)
             .when_wanted(&MAP, Self::on_copy)
             .when_wanted(MAP_PART.subscription().as_it_comes(), Self::on_part)
             .iterate(LOOK_EVERY, Self::look)
@@ -387,6 +393,7 @@ impl MapApp {
             comms.unregister(&MAP)?;
         }
         self.stage = Stage::Here;
+        self.publish_unsure(comms)?;
         let mut waiting = std::mem::take(&mut self.waiting);
         // The latest scan comes to every map that starts, whether its predecessor had taken it or not.
         waiting.retain(|scan| scan.id > self.last_scan);
@@ -449,7 +456,31 @@ impl MapApp {
         self.map.insert_uncertain(origin, points, (no_return, range), &error)
     }
 
+    /// An explorer looks again at what is occupied with a smaller probability; 0: none does any more.
+    fn on_confidence(&mut self, comms: &mut Comms, probability: f64) -> Result<(), AppError> {
+        if probability != 0.0 && !(0.5..1.0).contains(&probability) {
+            return Err(Rejection::new(format_args!(
+                "it is {probability}; right is 0, or a probability of 0.5 to less than 1"
+            ))
+            .into());
+        }
+        self.confidence = (probability > 0.0).then(|| (probability / (1.0 - probability)).ln() as f32);
+        if matches!(self.stage, Stage::Here) { self.publish_unsure(comms) } else { Ok(()) }
+    }
+
+    /// Says which voxels are occupied with little confidence, if anybody wants to know.
+    fn publish_unsure(&self, comms: &mut Comms) -> Result<(), AppError> {
+        let Some(below) = self.confidence.filter(|_| self.map.grid().revision() > 0) else { return Ok(()) };
+        let unsure = self.map.unsure(below);
+        let bricks = unsure.bricks().filter(|(_, cells)| **cells != mask::NONE);
+        let bricks = bricks.map(|(brick, cells)| BrickStates::pack(brick, &Cells::new(&mask::NONE, cells))).collect();
+        let (revision, resolution) = (self.map.grid().revision(), self.map.grid().resolution());
+        comms.publish(&MAP_UNSURE, &MapUpdate { revision, since: 0, scan: self.last_scan, resolution, bricks })?;
+        Ok(())
+    }
+
     fn publish_update(&self, comms: &mut Comms, delta: Delta<'_>) -> Result<(), AppError> {
+        self.publish_unsure(comms)?;
         comms.publish(&MAP_UPDATE, &MapUpdate::new(delta, self.last_scan))?;
         comms.publish(&MAP_KNOWN, &self.status())?;
         Ok(())
