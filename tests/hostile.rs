@@ -38,6 +38,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("MAP_UPDATE", Some("MapUpdate")),
     ("MAP_PART", Some("MapPart")),
     ("MAP", Some("MapUpdate")),
+    ("MAP_UNSURE", Some("MapUpdate")),
     ("MAP_KNOWN", Some("MapStatus")),
     ("MAP_MEMORY", Some("MapMemory")),
     ("PLAN_REQUEST", Some("PlanRequest")),
@@ -49,6 +50,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("EXPLORATION_REPORT", Some("ExplorationReport")),
     ("EXPLORER_MEMORY", Some("ExplorerMemory")),
     ("EXPLORER_PAST", Some("ExplorerPast")),
+    ("MAP_CONFIDENCE", None),
     ("MAP_REQUEST", None),
     ("MAP_RECALL", None),
     ("MOTION", None),
@@ -58,6 +60,15 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("MAIL_REJECTED", None),
     ("MAP_STATUS", None),
 ];
+
+/// The car, with all that an explorer may hear of a map.
+fn mission() -> String {
+    let text = car("manual");
+    let inspecting =
+        text.replace("<Explorer type=\"Potential\">", "<Explorer type=\"Potential\"><Confidence> 0.9 </Confidence>");
+    assert_ne!(text, inspecting);
+    inspecting
+}
 
 /// A mission whose processes may have so much memory, and somebody in its community who wishes it ill.
 struct Attack {
@@ -180,7 +191,7 @@ fn rounds() -> usize {
 
 #[test]
 fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
-    let mut attack = Attack::begin("attack", &car("manual"));
+    let mut attack = Attack::begin("attack", &mission());
     attack.elk.obeyed(&["step"]);
     for app in APPS.iter().chain(&["launcher"]) {
         let unknown = heard_by(&attack.elk, app);
@@ -255,7 +266,7 @@ fn is_report(key: &str) -> bool {
 /// Each round, another choice of bad values lies there as the latest when the apps start.
 #[test]
 fn whatever_lies_there_when_they_start_all_apps_come_up() {
-    let mut attack = Attack::begin("ambush", &car("manual"));
+    let mut attack = Attack::begin("ambush", &mission());
     for round in 0..rounds() {
         for app in APPS {
             attack.elk.obeyed(&["stop", app]);
@@ -339,7 +350,7 @@ fn answer_with_lies(attack: &mut Attack, answered: &mut BTreeSet<u64>) -> Result
 #[test]
 fn a_liar_that_answers_first_stops_nobody() {
     // It waits until somebody listens: the car's world is explored in less time than it takes to join.
-    let mut attack = Attack::begin("liar", &car("manual"));
+    let mut attack = Attack::begin("liar", &mission());
     attack.elk.obeyed(&["resume"]);
     let waited = Stopwatch::start();
     let mut answered = BTreeSet::new();

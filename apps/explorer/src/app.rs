@@ -297,7 +297,8 @@ impl ExplorerApp {
         let mut voxels = VoxelSet::new();
         unsure.bricks.iter().for_each(|brick| voxels.unite(brick.position(), brick.unpack().occupied()));
         self.explorer.hear_of_unsure(voxels);
-        self.unsure_at = unsure.revision;
+        // A client that says an old revision holds nothing up.
+        self.unsure_at = self.unsure_at.max(unsure.revision);
         self.answer(comms)
     }
 
