@@ -493,7 +493,8 @@ impl Explorer {
         let Vantage { target, way, axes } = vantage;
         let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
         let mut points: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
-        points.extend(way.into_iter().skip(1).map(|voxel| space.center(voxel)));
+        // Seen from the middle of its own voxel, too, if the robot is in it.
+        points.extend(way.iter().skip(usize::from(way.len() > 1)).map(|voxel| space.center(*voxel)));
         if settings.planar {
             points.iter_mut().for_each(|point| point.z = robot.z);
         }
