@@ -56,7 +56,7 @@ class Types(OnABus):
     def test_dicts_travel_and_come_back_as_they_were(self):
         example = self.start_controller()
         go = {"points": [[0.5, 1.0, -2.0], [math.inf, 0.1, 1e-300]], "target": {"x": 1, "y": -2, "z": 3}}
-        for decision in ["Done", {"Go": dict(go, unknown=[{"x": 0, "y": 0, "z": 0}], looks=[])}]:
+        for decision in ["Done", {"Go": dict(go, unknown=[{"x": 0, "y": 0, "z": 0}], looks=[], again=False)}]:
             plan = dict(example, request=2**40, decision=decision)
             self.writer.notify("PLAN", plan)
             message = self.hear(self.reader, "PLAN")
