@@ -423,8 +423,7 @@ impl Explorer {
         })?;
         self.weighed = self.journal.take_weighed();
         self.weighed.choose(route.goal);
-        let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
-        let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
+        let mut way = way_out(space, robot);
         way.extend(route.points);
         // The rest is in the goal's voxel.
         let there = way.last().is_some_and(|p| goal.target.seen_from(space, *p));
@@ -491,10 +490,8 @@ impl Explorer {
         let inspection = &self.inspection;
         let vantage = self.journal.time("inspection", || inspection.next(known, space, memory, settings))?;
         let Vantage { target, way, axes } = vantage;
-        let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
-        let mut points: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
-        // Seen from the middle of its own voxel, too, if the robot is in it.
-        points.extend(way.iter().skip(usize::from(way.len() > 1)).map(|voxel| space.center(*voxel)));
+        let mut points = way_out(space, robot);
+        points.extend(space.middles(&way));
         if settings.planar {
             points.iter_mut().for_each(|point| point.z = robot.z);
         }
@@ -570,6 +567,11 @@ impl Explorer {
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
+}
+
+/// The points (m, world) from the robot to where ways through the space start.
+fn way_out(space: &Space, robot: Point3<f64>) -> Vec<Point3<f64>> {
+    std::iter::once(robot).chain(space.escape.iter().skip(1).map(|voxel| space.center(*voxel))).collect()
 }
 
 /// The goal that a route leads to, if it leads to one: it ends in the goal's voxel, or where the goal's target is seen, or a target from

@@ -173,6 +173,12 @@ impl Space {
         self.known
     }
 
+    /// The middles (m, world) of the voxels of a way behind the first; of that, too, if it is the only one: the robot may stand beside its
+    /// middle, and see less from there.
+    pub fn middles(&self, way: &[Voxel]) -> impl Iterator<Item = Point3<f64>> {
+        way.iter().skip(usize::from(way.len() > 1)).map(|voxel| self.center(*voxel))
+    }
+
     /// How far from the robot (voxels) what it keeps clear of decides where it can be, and at least 2.
     pub fn margin(&self) -> i32 {
         self.clearance.reach().max(2)

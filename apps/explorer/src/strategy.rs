@@ -56,8 +56,7 @@ impl Route {
 
     /// The same to a place that sees the target of the goal in another voxel: to the middle of its own, also if the robot is in it.
     pub fn to_look(view: &View<'_>, way: &[Voxel], goal: Voxel) -> Self {
-        let rest = way.iter().skip(usize::from(way.len() > 1)).map(|voxel| view.space.center(*voxel));
-        Self { points: std::iter::once(view.from).chain(rest).collect(), goal }
+        Self { points: std::iter::once(view.from).chain(view.space.middles(way)).collect(), goal }
     }
 }
 
