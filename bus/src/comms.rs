@@ -428,7 +428,7 @@ impl Comms {
             let fill =
                 &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
             let type_ = Some(TypeRef::of::<T>());
-            if self.bulk(key.name(), (ValueKind::Binary, type_), origin, len, fill)? {
+            if self.bulk(key.name(), (ValueKind::Binary, type_), &origin, len, fill)? {
                 return Ok(());
             }
         }
@@ -436,7 +436,7 @@ impl Comms {
         codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
         let bytes = std::mem::take(&mut self.scratch);
         let value = ValueRef::Binary { type_: TypeRef::of::<T>(), bytes: &bytes };
-        let done = self.message(key.name(), value, origin);
+        let done = self.message(key.name(), &value, &origin);
         self.scratch = bytes;
         done
     }
@@ -456,11 +456,11 @@ impl Comms {
             ValueRef::Double(_) => None,
         };
         if let Some((kind, type_, bytes)) = bulky.filter(|(.., bytes)| bytes.len() >= BULK_MIN_BYTES)
-            && self.bulk(key, (kind, type_), origin, bytes.len(), &mut |w| w.write_all(bytes))?
+            && self.bulk(key, (kind, type_), &origin, bytes.len(), &mut |w| w.write_all(bytes))?
         {
             return Ok(());
         }
-        self.message(key, value, origin)
+        self.message(key, &value, &origin)
     }
 
     /// Sends what has gathered.
@@ -504,7 +504,7 @@ impl Comms {
         &mut self,
         key: &str,
         (kind, type_): (ValueKind, Option<TypeRef<'_>>),
-        origin: Origin<'_>,
+        origin: &Origin<'_>,
         len: usize,
         fill: &mut Fill<'_>,
     ) -> Result<bool, CommsError> {
@@ -532,9 +532,9 @@ impl Comms {
         }
     }
 
-    fn message(&mut self, key: &str, value: ValueRef<'_>, origin: Origin<'_>) -> Result<(), CommsError> {
+    fn message(&mut self, key: &str, value: &ValueRef<'_>, origin: &Origin<'_>) -> Result<(), CommsError> {
         let aux = origin.source_aux.as_bytes();
-        match value {
+        match *value {
             ValueRef::Double(number) => {
                 let header = self.header(key, ValueKind::Double, None, origin);
                 wire::put(&mut self.batch, &header, aux, &number.to_le_bytes());
@@ -551,7 +551,7 @@ impl Comms {
         self.flush_if_full()
     }
 
-    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<TypeRef<'_>>, origin: Origin<'_>) -> Header {
+    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<TypeRef<'_>>, origin: &Origin<'_>) -> Header {
         self.sequence += 1;
         let key = self.keys.number(&mut self.batch, key);
         self.outbox.note(key, self.sequence);

@@ -153,7 +153,8 @@ impl Inbox {
         let mut messages = 0;
         let mut outcome = Ok(());
         // The broker and the transport are trusted to frame rightly; a damaged rest is left unread.
-        for frame in wire::frames(batch).map_while(Result::ok) {
+        let mut frames = wire::frames(batch);
+        while let Some(Ok(frame)) = frames.next() {
             match frame.header.kind {
                 FrameKind::Define => self.names.define(&frame),
                 FrameKind::Dropped => {

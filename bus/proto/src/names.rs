@@ -73,7 +73,7 @@ impl Names {
     ///
     /// # Errors
     /// It cannot be shown.
-    #[inline]
+    #[inline(always)]
     pub fn mail<'a>(&'a self, down: &'a mut dyn Downlink, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
         let header = frame.header;
         let key = self.said(Named::Key, header.key)?;

@@ -111,38 +111,33 @@ impl Client {
     }
 
     /// The header of one of the client's messages in the broker's numbers.
-    #[inline]
+    #[inline(always)]
     pub fn renumber(&self, header: &Header, names: &Names) -> Result<Header, Unnumbered> {
-        if self.is_inside {
-            return self.checked(header, names);
-        }
-        Ok(Header {
-            flags: header.flags & (BULK | RESENT),
-            key: self.number(Named::Key, header.key)?,
-            source: self.number(Named::Source, header.source)?,
-            type_: if header.value_kind == ValueKind::Binary { self.number(Named::Type, header.type_)? } else { 0 },
-            community: self.number(Named::Community, header.community)?,
-            ..*header
-        })
+        let type_ = (header.value_kind == ValueKind::Binary).then_some(header.type_);
+        let [key, source, type_, community] = match self.is_inside {
+            true => self.checked(header, type_, names)?,
+            false => [
+                self.number(Named::Key, header.key)?,
+                self.number(Named::Source, header.source)?,
+                type_.map_or(Ok(0), |type_| self.number(Named::Type, type_))?,
+                self.number(Named::Community, header.community)?,
+            ],
+        };
+        Ok(Header { flags: header.flags & (BULK | RESENT), key, source, type_, community, ..*header })
     }
 
-    /// The header of a message whose numbers are the broker's already, but for that of the client itself.
-    fn checked(&self, header: &Header, names: &Names) -> Result<Header, Unnumbered> {
+    /// The numbers of a message in which they are the broker's already, but for that of the client itself.
+    fn checked(&self, header: &Header, type_: Option<u32>, names: &Names) -> Result<[u32; 4], Unnumbered> {
         let known = |what, number| match names.count(what) > number as usize {
             true => Ok(number),
             false => Err(Unnumbered::Undefined),
         };
-        Ok(Header {
-            flags: header.flags & (BULK | RESENT),
-            key: known(Named::Key, header.key)?,
-            source: match header.source {
-                ITSELF => self.number(Named::Source, 0)?,
-                other => known(Named::Source, other)?,
-            },
-            type_: if header.value_kind == ValueKind::Binary { known(Named::Type, header.type_)? } else { 0 },
-            community: known(Named::Community, header.community)?,
-            ..*header
-        })
+        let source = match header.source {
+            ITSELF => self.number(Named::Source, 0)?,
+            other => known(Named::Source, other)?,
+        };
+        let type_ = type_.map_or(Ok(0), |type_| known(Named::Type, type_))?;
+        Ok([known(Named::Key, header.key)?, source, type_, known(Named::Community, header.community)?])
     }
 
     /// The broker's number for one of the client's.
