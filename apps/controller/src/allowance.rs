@@ -66,3 +66,19 @@ impl Allowance {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_word_than_pause_or_run_is_refused_and_changes_nothing() {
+        let mut allowance = Allowance { paused: true, steps: 3, ..Allowance::default() };
+        for word in ["", "walk", "Run", "pause "] {
+            assert!(allowance.obey(word).is_err(), "{word:?}");
+            assert_eq!((allowance.paused, allowance.steps), (true, 3));
+        }
+        allowance.obey("run").unwrap();
+        assert_eq!((allowance.paused, allowance.steps), (false, 0));
+    }
+}

@@ -34,6 +34,8 @@ struct Lab {
     view_stops: Arc<AtomicBool>,
     view: Option<std::thread::JoinHandle<()>>,
     address: SocketAddr,
+    /// What is behind the address that is printed.
+    query: String,
     orders: Arc<Mutex<Vec<Order>>>,
 }
 
@@ -93,8 +95,9 @@ impl Lab {
                 .unwrap();
         });
         let url: String = address.recv_timeout(PATIENCE).unwrap();
-        let address = url.trim_start_matches("http://").split('/').next().unwrap().parse().unwrap();
-        Self { community, broker, view_stops, view: Some(view), address, orders }
+        let (address, query) = url.trim_start_matches("http://").split_once('/').unwrap();
+        let (address, query) = (address.parse().unwrap(), query.to_owned());
+        Self { community, broker, view_stops, view: Some(view), address, query, orders }
     }
 
     fn client(&self, name: &str) -> Client {
@@ -391,6 +394,51 @@ fn a_page_of_somewhere_else_is_not_served() {
     let upgrade = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
     let answer = lab.get("/ws", &format!("{own}{upgrade}Origin: http://evil.example\r\n"));
     assert!(answer.starts_with("HTTP/1.1 403") && answer.contains("evil.example"), "{answer}");
+}
+
+/// Why a page is not let in; the first word that it hears, if it is.
+fn refusal(mut page: Page) -> String {
+    loop {
+        match page.socket.read().unwrap() {
+            Message::Close(why) => return why.unwrap().reason.to_string(),
+            Message::Text(word) => return word.to_string(),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn who_may_come_from_other_machines_has_to_know_the_token() {
+    let lab = Lab::new("token", false, "0.0.0.0");
+    let address = SocketAddr::new([127, 0, 0, 1].into(), lab.address.port());
+    for query in ["", "?token=", "?token=0123"] {
+        let refused = refusal(Page::open(address, query));
+        assert!(refused.starts_with("the token is missing or wrong"), "{query}: {refused}");
+    }
+    assert!(lab.query.starts_with("?token="), "{}", lab.query);
+    Page::open(address, &lab.query).next("frame");
+}
+
+#[test]
+fn so_many_pages_may_be_open_and_no_more() {
+    let lab = Lab::new("full", false, "127.0.0.1");
+    let mut pages: Vec<Page> = (0..64).map(|_| lab.page()).collect();
+    assert_eq!(refusal(lab.page()), "as many pages are open as may be: close one");
+    pages[63].next("frame");
+}
+
+#[test]
+fn whoever_says_too_much_at_once_is_let_go_of() {
+    let lab = Lab::new("wordy", false, "127.0.0.1");
+    let mut page = lab.page();
+    let said = |length: usize| Message::text(json!({"type": "x".repeat(length)}).to_string());
+    page.socket.send(said(60_000)).unwrap();
+    let answer = page.next("answer");
+    assert!(answer["text"].as_str().unwrap().starts_with("not understood"), "{answer}");
+    page.socket.send(said(70_000)).unwrap();
+    while let Ok(word) = page.socket.read() {
+        assert!(!word.to_text().unwrap_or_default().contains("not understood"), "it is listened to");
+    }
 }
 
 #[test]

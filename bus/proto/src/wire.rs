@@ -453,6 +453,25 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn a_frame_lies_within_its_batch_and_its_parts_within_it() {
+        let mut good = Vec::new();
+        put(&mut good, &Header::new(FrameKind::Notify), b"aux", b"value");
+        let len = good.len() as u32;
+        assert!(first_frame(&good).is_ok());
+        for cut in 0..good.len() {
+            assert!(first_frame(&good[..cut]).is_err(), "the first {cut} bytes of {len}");
+        }
+        let words = [8, HEADER as u32, len - 8, len + 8, 1 << 30, (1 << 30) + 8, u32::MAX - 7, u32::MAX];
+        for (at, what) in [(0, "the frame"), (40, "aux"), (44, "the value")] {
+            for word in words {
+                let mut bytes = good.clone();
+                bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
+                assert!(first_frame(&bytes).is_err(), "{what} of {word} bytes");
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn frames_come_back(parts in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..30), prop::collection::vec(any::<u8>(), 0..90), any::<u64>()), 0..8)) {

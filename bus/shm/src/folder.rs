@@ -303,6 +303,8 @@ fn fault_of(stat: &Stat) -> Option<Fault> {
 mod tests {
     use std::fs::{Permissions, set_permissions};
     use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::sync::atomic::Ordering::SeqCst;
+    use std::sync::atomic::{AtomicBool, AtomicU64};
 
     use super::*;
     use crate::skip::skip;
@@ -380,6 +382,60 @@ mod tests {
         symlink(&elsewhere, home.path().join("child")).unwrap();
         assert_eq!(fault(home.child("child")), Fault::Link);
         assert_eq!(std::fs::read_to_string(elsewhere.join("file")).unwrap(), "mine");
+    }
+
+    #[test]
+    fn a_link_in_the_place_of_a_draft_or_a_lock_leads_nowhere() {
+        let shared = tempfile::tempdir().unwrap();
+        let [mine, missing] = ["mine", "missing"].map(|name| shared.path().join(name));
+        std::fs::write(&mine, "mine").unwrap();
+        let home = Folder::make(&shared.path().join("home")).unwrap();
+        for (to, draft, lock) in [(&mine, "one.new", "lock"), (&missing, "other.new", "other-lock")] {
+            symlink(to, home.path().join(draft)).unwrap();
+            symlink(to, home.path().join(lock)).unwrap();
+            assert!(home.write(draft.trim_end_matches(".new"), b"new").is_err());
+            assert!(home.lock(lock).is_err());
+        }
+        assert!(std::fs::read(&mine).unwrap() == b"mine" && !missing.exists());
+    }
+
+    #[test]
+    fn what_is_no_plain_file_is_not_read_and_waited_for_by_nobody() {
+        let shared = tempfile::tempdir().unwrap();
+        let home = Folder::make(&shared.path().join("home")).unwrap();
+        rustix::fs::mkfifoat(&home.descriptor, "mark", Mode::RWXU).unwrap();
+        assert_eq!(home.read("mark").unwrap_err().kind(), ErrorKind::InvalidData);
+    }
+
+    #[test]
+    fn what_is_written_is_for_its_owner_alone_whatever_the_umask_says() {
+        let shared = tempfile::tempdir().unwrap();
+        let home = Folder::make(&shared.path().join("home")).unwrap();
+        home.write("sessions", b"mine").unwrap();
+        home.lock("mark").unwrap().unwrap();
+        for file in ["sessions", "mark"] {
+            assert_eq!(mode_of(&home.path().join(file)) & OTHERS, 0, "{file}");
+        }
+    }
+
+    /// Whoever opened a lock's file before it was removed holds nothing: the next one makes another file, and locks that.
+    #[test]
+    fn a_lock_is_held_by_one_however_often_its_file_is_removed() {
+        let shared = tempfile::tempdir().unwrap();
+        let home = Folder::make(&shared.path().join("home")).unwrap();
+        let (is_held, times) = (AtomicBool::new(false), AtomicU64::new(0));
+        let contend = || {
+            for _ in 0..20_000 {
+                let Ok(Some(lock)) = home.lock("mark") else { continue };
+                assert!(!is_held.swap(true, SeqCst), "two hold it");
+                times.fetch_add(1, SeqCst);
+                is_held.store(false, SeqCst);
+                std::fs::remove_file(home.path().join("mark")).unwrap();
+                drop(lock);
+            }
+        };
+        std::thread::scope(|threads| (0..3).for_each(|_| drop(threads.spawn(contend))));
+        assert!(times.load(SeqCst) > 0);
     }
 
     #[test]

@@ -150,3 +150,18 @@ pub fn wait_for_end(mut stream: &UnixStream) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_first_word_is_no_longer_than_a_handshake_s() {
+        let (mut liar, broker) = UnixStream::pair().unwrap();
+        liar.write_all(&(MAX_BYTES as u32 + 1).to_le_bytes()).unwrap();
+        // Nothing of it is waited for.
+        drop(liar);
+        let said = receive::<Hello>(&broker).unwrap_err().to_string();
+        assert_eq!(said, "a message of 65537 bytes is no handshake");
+    }
+}

@@ -79,3 +79,79 @@ pub fn close_shared_memory(namespace: &Namespace) -> std::io::Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::{chown, symlink};
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::skip::skip;
+
+    fn community(what: &str) -> Community {
+        Community::new(format!("{what}-{}", std::process::id())).unwrap()
+    }
+
+    /// The mode of a file, or of what a link leads to.
+    fn mode_of(path: &Path) -> u32 {
+        path.metadata().unwrap().mode() & 0o777
+    }
+
+    fn in_shared_memory(community: &Community, name: &str) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("{}{name}", prefix(community)))
+    }
+
+    #[test]
+    fn of_what_lies_in_shared_memory_under_its_name_a_community_touches_only_plain_files_of_its_user() {
+        let community = community("planted");
+        let namespace = Namespace::make(&community).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let victim = folder.path().join("victim");
+        std::fs::write(&victim, "mine").unwrap();
+        set_permissions(&victim, Permissions::from_mode(0o644)).unwrap();
+        let [own, link, foreign] = ["own", "link", "foreign"].map(|name| in_shared_memory(&community, name));
+        for file in [&own, &foreign] {
+            std::fs::write(file, "").unwrap();
+            set_permissions(file, Permissions::from_mode(0o666)).unwrap();
+        }
+        symlink(&victim, &link).unwrap();
+        let is_foreign = chown(&foreign, Some(12_345), None).is_ok();
+        close_shared_memory(&namespace).unwrap();
+        assert_eq!((mode_of(&own), mode_of(&victim)), (0o600, 0o644));
+        let mode = mode_of(&foreign);
+        remove(&namespace);
+        let left = [&own, &link, &foreign].map(|path| path.symlink_metadata().is_ok());
+        [&link, &foreign].into_iter().for_each(|path| drop(std::fs::remove_file(path)));
+        assert_eq!(left[..2], [false, true], "a link is whose who made it");
+        assert_eq!(std::fs::read(&victim).unwrap(), b"mine");
+        if !is_foreign {
+            let why = "only root can give a file away";
+            skip(
+                "of_what_lies_in_shared_memory_under_its_name_a_community_touches_only_plain_files_of_its_user",
+                "root",
+                why,
+            );
+            return;
+        }
+        assert_eq!((mode, left[2]), (0o666, true));
+    }
+
+    /// Whoever starts a community clears away what is dead, and nothing else.
+    #[test]
+    fn a_community_where_somebody_listens_or_lives_is_not_cleared_away() {
+        let community = community("swept");
+        let listener = handshake::listen(&community).unwrap();
+        drop(Namespace::make(&community).unwrap());
+        let folder = home().join(community.as_str());
+        sweep();
+        assert!(folder.is_dir(), "somebody listens");
+        let namespace = Namespace::make(&community).unwrap();
+        let node = lane::node(&namespace).unwrap();
+        drop((listener, namespace));
+        sweep();
+        assert!(folder.is_dir(), "somebody lives");
+        drop(node);
+        sweep();
+        assert!(!folder.exists());
+    }
+}

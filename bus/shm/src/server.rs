@@ -296,6 +296,51 @@ mod tests {
         thread.join().unwrap()
     }
 
+    /// What a broker answers to whoever says this first, and the connection.
+    fn answer_to(community: &Community, hello: Option<&handshake::Hello>) -> (String, std::os::unix::net::UnixStream) {
+        let stream = handshake::connect(community).unwrap();
+        hello.iter().for_each(|hello| handshake::send(&stream, hello, &[]).unwrap());
+        match handshake::receive(&stream).unwrap() {
+            (handshake::Answer::Refused { reason }, _) => (reason, stream),
+            (welcome, _) => (format!("{welcome:?}"), stream),
+        }
+    }
+
+    #[test]
+    fn who_speaks_another_protocol_or_is_another_user_is_let_in_by_nobody() {
+        let community = Community::new(format!("foreign-{}", std::process::id())).unwrap();
+        let config = BrokerConfig::new(community.to_string());
+        let mut server = Server::start(community.clone(), config, Clock::new(1.0), None).unwrap();
+        let asks = community.clone();
+        match as_another_user(move || answer_to(&asks, None).0) {
+            Some(said) => assert_eq!(said, format!("this community belongs to user {}", elk_os::own_user())),
+            None => {
+                let test = "who_speaks_another_protocol_or_is_another_user_is_let_in_by_nobody";
+                skip(test, "root", "only root can become another user");
+            }
+        }
+        let hello = handshake::Hello {
+            protocol: handshake::PROTOCOL + 1,
+            name: "old".into(),
+            build: String::new(),
+            lease_secs: 0.0,
+            succeeds: false,
+            returns: false,
+        };
+        let stop = AtomicBool::new(false);
+        let said = std::thread::scope(|threads| {
+            let old = threads.spawn(|| {
+                let (said, _connection) = answer_to(&community, Some(&hello));
+                // The end of the connection wakes the broker.
+                stop.store(true, Relaxed);
+                said
+            });
+            server.run(&stop);
+            old.join().unwrap()
+        });
+        assert!(said.contains(&format!("the client {}: build both", hello.protocol)), "{said}");
+    }
+
     #[test]
     fn who_holds_a_community_s_name_is_said_with_what_to_do() {
         let start = |name: &Community| {

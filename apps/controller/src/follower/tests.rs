@@ -428,6 +428,17 @@ fn a_map_that_is_ahead_of_all_scans_is_refused() {
     assert_eq!(bench.follow(&plan(&first, true)).outcome, Outcome::Unresolved);
 }
 
+/// Whoever knows no map yet holds the first word of one against its own commands.
+#[test]
+fn a_first_map_that_is_ahead_of_all_scans_is_refused() {
+    let ((bench, _), mut fresh) = (Bench::new(), Follower::default());
+    let refused = Err(Unfit::Map(UpdateError::Ahead { have: 0, update: 1_000_000 }));
+    let whole = MapUpdate::new(bench.map.whole(), 1);
+    assert_eq!(fresh.on_map(&MapUpdate { revision: 1_000_000, ..whole.clone() }), refused);
+    assert_eq!(fresh.on_map_part(&MapPart { revision: 1_000_000, ..MapPart::of(&bench.map, 1, 0, 8) }), refused);
+    assert_eq!(fresh.on_map(&whole), Ok(vec![]));
+}
+
 #[test]
 fn a_sensor_that_did_what_nobody_commanded_is_not_believed() {
     let (mut bench, first) = Bench::new();

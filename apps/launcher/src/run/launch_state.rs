@@ -322,3 +322,56 @@ impl PolicyState {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::Value;
+
+    use super::*;
+
+    fn state() -> LaunchState {
+        let text = "<Scenario><Sensor exec=\"/bin/sh\"/><Map exec=\"/bin/sh\"/><Explorer exec=\"/bin/sh\"/>\
+                    <Controller exec=\"/bin/sh\"/></Scenario>";
+        let mission = Mission::parse(text, Path::new("m.xml"), &Registry::default(), &[]).unwrap();
+        LaunchState::of(&mission, Path::new("run"), false)
+    }
+
+    /// Anybody may write the variable, and what apps are called names files.
+    #[test]
+    fn words_that_no_launcher_says_are_refused_with_what_is_wrong() {
+        let mission = |change: &dyn Fn(&mut Value)| {
+            let mut said = serde_json::to_value(state()).unwrap();
+            change(&mut said);
+            let state = LaunchState::parse(said.to_string().as_bytes())?;
+            let mission = state.mission(&Community::new("lab").unwrap(), &Registry::default());
+            mission.map(|mission| mission.apps.len()).map_err(|error| error.to_string())
+        };
+        assert_eq!(mission(&|_| ()), Ok(4));
+        for name in ["../../x", "a/b", "", ".", "-x", &"x".repeat(49)] {
+            let said = mission(&|state| state["apps"][1]["name"] = name.into()).unwrap_err();
+            assert!(said.contains(&format!("names an app {name:?}, which is no name for one")), "{said}");
+        }
+        let said = mission(&|state| state["version"] = (VERSION - 1).into()).unwrap_err();
+        assert_eq!(
+            said,
+            format!("its launcher spoke version {} of LAUNCH_STATE, this one speaks {VERSION}", VERSION - 1)
+        );
+        let said = mission(&|state| state["apps"][0]["policy"]["restart"] = "sometimes".into()).unwrap_err();
+        assert!(said.contains("restarts an app \"sometimes\", which means nothing"), "{said}");
+    }
+
+    #[test]
+    fn a_mission_lives_as_long_as_one_of_its_processes_and_not_of_their_numbers() {
+        let own = ProcessId::of(std::process::id() as i32);
+        let mut of_another_time = own;
+        of_another_time.as_mut().unwrap().started += 1;
+        let alive = |change: &dyn Fn(&mut LaunchState)| {
+            let mut state = state();
+            change(&mut state);
+            state.is_alive()
+        };
+        assert!(!alive(&|_| ()));
+        assert!(alive(&|state| state.broker = own) && alive(&|state| state.apps[3].successor = own));
+        assert!(!alive(&|state| (state.broker, state.apps[0].process) = (of_another_time, of_another_time)));
+    }
+}

@@ -234,6 +234,15 @@ mod tests {
         assert_eq!(remarks, [format!("groundtruth.txt: line 2: {length}; it is left out")]);
     }
 
+    #[test]
+    fn a_list_is_read_up_to_its_longest() {
+        let lists = written(&[("depth.txt", "1 a.png\n"), ("groundtruth.txt", "1 0 0 0 0 0 0 1\n")]);
+        let list = std::fs::File::options().write(true).open(lists.path().join("depth.txt")).unwrap();
+        list.set_len((128 << 20) + 1).unwrap();
+        let said = folder(lists.path()).unwrap_err().to_string();
+        assert!(said.contains("depth.txt: it is longer than 134 MB"), "{said}");
+    }
+
     /// Regression: lists of a quarter of a gigabyte became gigabytes of frames.
     #[test]
     fn lists_are_as_long_as_a_recording() {

@@ -129,3 +129,20 @@ impl Recording for Rgbd {
         self.remarks.clone()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout::folder;
+    use super::*;
+
+    #[test]
+    fn an_image_is_read_up_to_its_longest() {
+        let recording = tempfile::tempdir().unwrap();
+        std::fs::write(recording.path().join("depth.txt"), "1 a.png\n").unwrap();
+        std::fs::write(recording.path().join("groundtruth.txt"), "1 0 0 0 0 0 0 1\n").unwrap();
+        std::fs::File::create(recording.path().join("a.png")).unwrap().set_len((64 << 20) + 1).unwrap();
+        let frames = folder(recording.path()).unwrap().frames;
+        let said = image(&frames[0]).map(drop).unwrap_err();
+        assert!(said.starts_with("it is longer than 67 MB"), "{said}");
+    }
+}

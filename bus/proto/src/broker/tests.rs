@@ -2,6 +2,7 @@
 
 mod bounds;
 mod clock;
+mod limits;
 mod mail;
 mod routing;
 mod succession;
@@ -15,6 +16,13 @@ use proptest::prelude::*;
 use super::*;
 use crate::clock_setting::ClockSetting;
 use crate::wire::{BulkRef, Header, LATEST, LOSSLESS, Named, ValueKind, frames, put, put_definition};
+
+/// A broker with other limits than usual.
+fn bounded(change: impl FnOnce(&mut Limits)) -> Broker {
+    let mut limits = Limits::default();
+    change(&mut limits);
+    Broker::new(BrokerConfig { limits, ..BrokerConfig::new("test") }, 0.0)
+}
 
 /// A client of the test: speaks frames, remembers what it was told.
 struct Speaker {

@@ -122,6 +122,49 @@ fn a_leg_is_looked_at_in_voxels_before_anybody_walks_it() {
     assert!(said.contains("leg.plan.decision.Go.points is 3000000"), "{said}");
 }
 
+/// Each number may be one, and all together cannot.
+#[test]
+fn what_contradicts_itself_is_not_believed() {
+    let motion = |field: &str, wrong: Value| invalid("MotionMemory", |memory| memory[field] = wrong.clone());
+    assert_eq!(motion("allowed", json!(2)), "MotionMemory.allowed is 2; it has to be no later than commands");
+    assert_eq!(motion("last_step", json!(-1.0)), "MotionMemory.last_step is -1; it has to be a time of 0 to 1e12 s");
+    let said = invalid("MotionMemory", |memory| memory["awaited"]["Map"]["id"] = json!(2));
+    assert_eq!(said, "MotionMemory.awaited.Map.id is 2; it has to be the last of commands");
+    let asked = named("PlanRequest").unwrap().value();
+    let said = invalid("MotionMemory", |memory| {
+        memory["awaited"] = json!({ "Plan": asked });
+        memory["awaited"]["Plan"]["id"] = json!(2);
+    });
+    assert_eq!(said, "MotionMemory.awaited.Plan.id is 2; it has to be the last of requests");
+    let said = invalid("MotionMemory", |memory| {
+        memory["samples"] = json!([memory["samples"][0].clone(), memory["samples"][0].clone()]);
+    });
+    assert_eq!(said, "MotionMemory.samples is a list out of order; it has to be in the order of scans");
+    let said = invalid("ExplorerMemory", |memory| memory["progress_at"] = json!(2));
+    assert_eq!(said, "ExplorerMemory.progress_at is 2; it has to be no later than the plan's revision");
+    let said = invalid("ExplorerMemory", |memory| memory["strategy"] = json!("\u{1b}[2J"));
+    assert!(said.starts_with("ExplorerMemory.strategy is a text with '\\u{1b}'"), "{said}");
+    let part = |field: &str, wrong: Value| invalid("MapPart", |part| part[field] = wrong.clone());
+    assert!(part("first", json!(1)).starts_with("MapPart.total is 1; it has to be no less than what comes before"));
+    assert!(part("bricks", json!([])).starts_with("MapPart.bricks is empty; it has to be at least one"));
+}
+
+/// A list that decodes and is longer than any that apps make, or empty where one is needed.
+#[test]
+fn lists_and_texts_have_their_lengths() {
+    let go = |points: Value| invalid("Plan", |plan| plan["decision"]["Go"]["points"] = points.clone());
+    assert_eq!(go(json!([])), "Plan.decision.Go.points is empty; it has to be at least one point");
+    let long = json!(vec![[0.0, 0.0, 0.0]; MAX_CORNERS + 1]);
+    assert_eq!(go(long), "Plan.decision.Go.points is 131073 long; it has to be at most 131072 long");
+    let name = "x".repeat(MAX_TEXT + 1);
+    let said = invalid("Plan", |plan| plan["motion"]["name"] = json!(name));
+    assert_eq!(said, "Plan.motion.name is 4097 bytes long; it has to be at most 4096 bytes");
+    let counters = |total: u64| invalid("ExplorationReport", |report| report["counters"] = json!([["stalls", total]]));
+    assert!(counters(MAX_COUNT + 1).contains("counters[0] is 281474976710656; it has to be below 2^48"));
+    let secs = |secs: f64| invalid("ExplorationReport", |report| report["cpu_secs"] = json!([["field", secs]]));
+    assert!(secs(-1.0).contains("cpu_secs[0] is -1; it has to be 0 to 1000000000000 s"), "{}", secs(-1.0));
+}
+
 #[test]
 fn a_scan_is_checked_where_it_lies() {
     let sample = named("Scan").unwrap();

@@ -6,12 +6,6 @@ use super::super::state::message::Message;
 use super::*;
 use crate::wire::{BULK, BulkRef, TYPED};
 
-fn bounded(change: impl FnOnce(&mut Limits)) -> Broker {
-    let mut limits = Limits::default();
-    change(&mut limits);
-    Broker::new(BrokerConfig { limits, ..BrokerConfig::new("test") }, 0.0)
-}
-
 impl Speaker {
     /// Registers for `key` as a reader of values of type `name`.
     fn expect(&self, broker: &mut Broker, key: &str, name: &str) {
@@ -116,6 +110,14 @@ fn latest_values_messages_and_registrations_are_bounded() {
     (0..100).for_each(|i| c.register(b, 0.0, &format!("K{i}"), "*", 0.0));
     let (_, _, refused) = c.hear(b, 0.0);
     assert!(refused.len() > 80 && refused[0].contains("registrations of the community fill 1000 bytes"), "{refused:?}");
+
+    let b = &mut broker();
+    let mut c = Speaker::new(b, 0.0, "c");
+    c.register(b, 0.0, &"x".repeat(257), "*", 0.0);
+    c.register(b, 0.0, "*", &"x".repeat(300), 0.0);
+    c.register(b, 0.0, &"x".repeat(256), "*", 0.0);
+    let refused = [257, 300].map(|bytes| format!("a pattern of {bytes} bytes; at most 256 are allowed"));
+    assert_eq!(c.hear(b, 0.0).2, refused);
 }
 
 /// Regression: of a hundred thousand patterns each cost a little of every new variable, and everybody waited for seconds.
@@ -493,6 +495,7 @@ fn numbers_for_names_are_bounded() {
     }
     let given = |b: &Broker| b.sessions.clients.values().flat_map(|c| &c.numbers).map(Vec::len).sum::<usize>();
     assert!(given(b) <= 152, "{}", given(b));
+    assert!(b.sessions.clients[&a.id].given_numbers() <= 101, "some are left for the others");
     assert_eq!(given(b), b.sessions.numbers);
     let told = a.hear(b, 0.0).2;
     assert_eq!(told, ["so many names are in use that no more are taken from this client"]);
