@@ -17,7 +17,8 @@ use crate::text::Text;
 /// # Errors
 /// Dicts lie too deep in each other, as one does that lies in itself, or there are too many.
 pub fn has_arrays(value: &Bound<'_, PyAny>) -> PyResult<bool> {
-    look_for_arrays(value, 0, &mut Description::MOST_VALUES.clone())
+    let mut left = Description::MOST_VALUES;
+    look_for_arrays(value, 0, &mut left)
 }
 
 fn look_for_arrays(value: &Bound<'_, PyAny>, depth: usize, left: &mut usize) -> PyResult<bool> {

@@ -15,7 +15,10 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Text {
     fn extract(value: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
         let text = value.cast::<PyString>()?;
         text.extract::<String>().map(Self).map_err(|_| {
-            error("a text has half a character in it (a surrogate), which UTF-8 cannot say; right is text.encode(errors=\"replace\").decode()")
+            error(
+                "a text has half a character in it (a surrogate), which UTF-8 cannot say; right is \
+                 text.encode(errors=\"replace\").decode()",
+            )
         })
     }
 }

@@ -11,6 +11,9 @@ CLIENT = """
     import os, sys, threading, time
     import elk
 
+    # What the one before has said is none of its business.
+    GO = f"GO_{os.getpid()}"
+
     def join(name, on_mail=None, *variables):
         client = elk.comms()
         client.set_on_connect_callback(lambda: [client.register(one) for one in variables])
@@ -77,8 +80,8 @@ class Clients(OnABus):
             return
         codes.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
         done.set()
-    client = join("parent", on_mail, "GO")
-    client.notify("GO", 1)
+    client = join("parent", on_mail, GO)
+    client.notify(GO, 1)
     assert done.wait(60)
     assert codes == [{code}] and client.is_running(), codes
     client.notify("SAID", "by the parent")
@@ -137,15 +140,15 @@ class Clients(OnABus):
         {does}
 
     client = elk.comms()
-    client.set_on_connect_callback(lambda: client.register("GO"))
+    client.set_on_connect_callback(lambda: client.register(GO))
     if {is_queue}:
         client.add_active_queue("queue", act)
-        client.add_message_route_to_active_queue("queue", "GO")
+        client.add_message_route_to_active_queue("queue", GO)
     else:
         client.set_on_mail_callback(act)
     client.run(os.environ["ELK_COMMUNITY"], "client")
     assert client.wait_until_connected(60_000)
-    client.notify("GO", 1)
+    client.notify(GO, 1)
     assert called.wait(60)
     if {words is None}:
         assert client.fetch() == [] and client.close()
@@ -196,14 +199,14 @@ class Clients(OnABus):
         {does}
 
     client = elk.comms()
-    client.set_on_connect_callback(lambda: client.register("GO"))
+    client.set_on_connect_callback(lambda: client.register(GO))
     if {is_queue}:
         client.add_active_queue("queue", block)
-        client.add_message_route_to_active_queue("queue", "GO")
+        client.add_message_route_to_active_queue("queue", GO)
     else:
         client.set_on_mail_callback(block)
     client.run(os.environ["ELK_COMMUNITY"], "client")
-    client.notify("GO", 1)
+    client.notify(GO, 1)
     assert entered.wait(60)
     print(client.close())
 """,

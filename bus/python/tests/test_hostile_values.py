@@ -152,8 +152,8 @@ class Values(OnABus):
         self.addCleanup(folder.cleanup)
         said, recorded = Path(folder.name) / "wide.alog", Path(folder.name) / "wide.mcap"
         wide = json.dumps({f"number{n}": n for n in range(4000)})
-        rows = "".join(f"{1 + row / 1000:.3f} WIDE writer {row}\n" for row in range(33_600))
-        said.write_text(f"%% LOGSTART 1000\n0.0 WIDE writer {wide}\n" + rows.replace("writer ", "writer {\"number0\":").replace("\n", "}\n"))
+        rows = "".join(f'{1 + row / 1000:.3f} WIDE writer {{"number0":{row}}}\n' for row in range(33_600))
+        said.write_text(f"%% LOGSTART 1000\n0.0 WIDE writer {wide}\n{rows}")
         listener = self.client("listener", ["RECORDER_STATUS"])
         logger = self.start("logger", "--type", "Mcap", "--name", "recorder", f"File={recorded}")
         self.hear(listener, "RECORDER_STATUS")

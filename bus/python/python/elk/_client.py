@@ -127,8 +127,8 @@ def _bytes(name: str, data: Any) -> Any:
     try:
         return data.encode() if isinstance(data, str) else memoryview(data)
     except (TypeError, ValueError) as why:
-        what = f"{type(data).__name__}: {why}"
-        raise Error(f"notify_binary({shown(name)}, …): there are no bytes of this {what}; right are bytes, or a text that UTF-8 can say") from why
+        what = f"notify_binary({shown(name)}, …): there are no bytes of this {type(data).__name__}: {why}"
+        raise Error(f"{what}; right are bytes, or a text that UTF-8 can say") from why
 
 
 def _of_forms(right: str, how: Tuple[Any, ...], text: Tuple[str, str], number: Tuple[Any, Any]) -> Tuple[str, Any]:
