@@ -104,7 +104,7 @@ pub enum ConnectError {
 pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
     limits::let_owner_in();
-    let broken = |source| ConnectError::Handshake { community: community.clone(), source };
+    let broken = |source| ConnectError::Handshake { community: community.clone(), source: handshake::failure(source) };
     let stream = handshake::connect(community).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
