@@ -10,7 +10,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use common::events::{Events, once_served_in};
+use common::events::{Events, folders_of, once_served_in};
 use common::lab::hear;
 use common::running::Running;
 use common::skip::skip;
@@ -324,6 +324,20 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     }
     kill(launcher.0.id() as i32, Signal::TERM);
     elk.wait_until_deserted();
+}
+
+#[test]
+fn what_a_killed_broker_leaves_goes_with_the_test_that_killed_it() {
+    let elk = Elk::new("leftovers");
+    let broker = Running(elk.command(&["db", "--community", elk.community()]).stdin(Stdio::null()).spawn().unwrap());
+    drop(elk.join("witness"));
+    // Its end is a kill.
+    drop(broker);
+    let left: Vec<PathBuf> = shared_memory_of(&elk).iter().map(|name| Path::new("/dev/shm").join(name)).collect();
+    let folders = folders_of(&Community::new(elk.community()).unwrap());
+    assert!(!left.is_empty() && folders.iter().any(|folder| folder.exists()), "{left:?} {folders:?}");
+    drop(elk);
+    assert!(left.iter().chain(&folders).all(|path| !path.exists()), "{left:?} {folders:?}");
 }
 
 /// A container that is killed, and started again with the same numbers and the same folder for temporary files.

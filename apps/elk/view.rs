@@ -243,7 +243,9 @@ fn value_of(spec: &ParamSpec, params: &Params) -> Value {
         Kind::Integer { .. } => params.integer(spec.name).into(),
         Kind::Flag => params.flag(spec.name).into(),
         Kind::Point { .. } | Kind::Size { .. } => params.point(spec.name).to_vec().into(),
-        Kind::Choice(_) | Kind::Text | Kind::Variable | Kind::File { .. } => params.text(spec.name).into(),
+        Kind::Choice(_) | Kind::Refinement { .. } | Kind::Text | Kind::Variable | Kind::File { .. } => {
+            params.text(spec.name).into()
+        }
     }
 }
 
@@ -254,7 +256,7 @@ fn param(spec: &ParamSpec) -> Value {
         Kind::Flag => ("flag", "", None, None, None),
         Kind::Point { unit } => ("point", unit, None, None, None),
         Kind::Size { unit } => ("size", unit, None, None, None),
-        Kind::Choice(choices) => ("choice", "", Some(choices), None, None),
+        Kind::Choice(choices) | Kind::Refinement { words: choices, .. } => ("choice", "", Some(choices), None, None),
         Kind::Text => ("text", "", None, None, None),
         Kind::Variable => ("variable", "", None, None, None),
         Kind::File { builtin, .. } => ("file", "", (!builtin.is_empty()).then_some(builtin), None, None),

@@ -44,8 +44,12 @@ impl Comms {
         if key == REJECTED { Ok(()) } else { self.notify(REJECTED, words) }
     }
 
-    /// Says and counts that a message is of no use.
-    pub(crate) fn reject(
+    /// Says and counts that a message is of no use, for who has taken it out of its callback. In a callback an app fails
+    /// with a [`Rejection`] in place of that.
+    ///
+    /// # Errors
+    /// The bus failed.
+    pub fn reject(
         &mut self,
         key: &str,
         writer: &str,

@@ -18,11 +18,12 @@ pub mod terminal;
 use std::io::Read;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::unix::fs::PermissionsExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 use elk_bus::{Client, Community, ProcessStat};
-use events::{Events, end_of, once_served, wait_until_gone};
+use events::{Events, end_of, folders_of, once_served, wait_until_gone};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// An address of this machine that nobody listens at now.
@@ -208,6 +209,26 @@ impl Elk {
     }
 }
 
+/// What is left of a test's community is removed, also if the test has failed: a broker that was killed clears nothing away.
+impl Drop for Elk {
+    fn drop(&mut self) {
+        for process in processes_of(self) {
+            // One that has ended meanwhile needs no end.
+            let _ = Pid::from_raw(process).map(|process| kill_process(process, Signal::KILL));
+        }
+        let gone = catch_unwind(AssertUnwindSafe(|| self.wait_until_deserted()));
+        for name in shared_memory_of(self) {
+            let _ = std::fs::remove_file(Path::new("/dev/shm").join(name));
+        }
+        for folder in Community::new(&*self.community).map(|community| folders_of(&community)).unwrap_or_default() {
+            let _ = std::fs::remove_dir_all(&folder);
+            // That of all communities, if it was the last.
+            let _ = folder.parent().map(std::fs::remove_dir);
+        }
+        assert!(gone.is_ok() || std::thread::panicking(), "processes of {} do not end", self.community);
+    }
+}
+
 /// A running `elk launch`. Killed, should the test fail before its end.
 pub struct Launcher {
     child: Child,
@@ -328,11 +349,18 @@ pub fn processes_of(elk: &Elk) -> Vec<i32> {
     processes().iter().filter(|one| one.line.contains(&argument)).map(|one| one.id).collect()
 }
 
+/// Whether a file in shared memory is of the test's community, or of one that a test has made of its name: no number follows that
+/// is another process'.
+fn is_of(elk: &Elk, name: &str) -> bool {
+    let rest = name.strip_prefix("elk_").and_then(|name| name.strip_prefix(&elk.community));
+    rest.is_some_and(|rest| !rest.starts_with(|next: char| next.is_ascii_digit()))
+}
+
 /// Files of the test's community in shared memory.
 pub fn shared_memory_of(elk: &Elk) -> Vec<String> {
     let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    names.filter(|name| name.contains(&elk.community)).collect()
+    names.filter(|name| is_of(elk, name)).collect()
 }
 
 pub fn kill(id: i32, signal: Signal) {

@@ -69,7 +69,7 @@ const LOOK_TURN: ParamSpec = param(
 
 const REFINE: ParamSpec = param(
     "Refine",
-    Kind::Choice(&["none", "ICP"]),
+    Kind::Refinement { words: &["none", "ICP"], of: "PoseEstimator" },
     "none",
     "How an estimated pose is made better; ICP: by where the scan lies on those before it, each in as far as it is the surer one.",
 );
@@ -112,20 +112,6 @@ pub(crate) fn refined(params: &Params, estimating: Estimating, drift: Drift) -> 
     match is_refined(params) {
         true => Ok(estimating.refined(&MapMatchingSettings { voxel: params.number("RefineVoxel"), drift })?),
         false => Ok(estimating),
-    }
-}
-
-/// No estimate, of a robot that is told where it is.
-///
-/// # Errors
-/// There is none to be made better.
-pub(crate) fn no_estimate(params: &Params) -> Result<Option<Estimating>, AppError> {
-    match is_refined(params) {
-        true => {
-            Err("Refine ICP makes an estimated pose better, and PoseEstimator is none: say Odometry, for example"
-                .into())
-        }
-        false => Ok(None),
     }
 }
 
@@ -244,16 +230,16 @@ mod tests {
 
     use super::*;
 
-    fn said(settings: &[(&str, &str)]) -> Params {
-        let settings: Vec<_> = settings.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect();
-        Params::check("Sensor", DEAD_RECKONING, &settings, Path::new("")).unwrap()
-    }
-
     /// Regression: it was said, and nothing came of it.
     #[test]
     fn what_is_not_estimated_is_not_refined() {
-        assert!(no_estimate(&said(&[])).unwrap().is_none());
-        let wrong = no_estimate(&said(&[("Refine", "ICP")])).map(|_| ()).unwrap_err().to_string();
-        assert!(wrong.contains("PoseEstimator is none") && wrong.contains("Odometry"), "{wrong}");
+        let said = |settings: &[(&str, &str)]| {
+            let settings = settings.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned()));
+            Params::check("Sensor", DEAD_RECKONING, &settings.collect::<Vec<_>>(), Path::new(""))
+        };
+        assert!(!is_refined(&said(&[]).unwrap()));
+        assert!(is_refined(&said(&[("PoseEstimator", "Odometry"), ("Refine", "ICP")]).unwrap()));
+        let wrong = said(&[("Refine", "ICP")]).unwrap_err().to_string();
+        assert!(wrong.contains("Refine is ICP, and PoseEstimator is none"), "{wrong}");
     }
 }

@@ -46,6 +46,13 @@ pub enum Kind {
     },
     /// One of these words.
     Choice(&'static [&'static str]),
+    /// One of these words, of which all but the first have a meaning only beside another parameter.
+    Refinement {
+        /// The words; the first is that for nothing.
+        words: &'static [&'static str],
+        /// The other parameter, a [`Kind::Choice`], whose word for nothing is the first as well.
+        of: &'static str,
+    },
     /// Any text.
     Text,
     /// The name of a variable of the community.

@@ -77,7 +77,30 @@ pub(crate) fn resolve(table: &Table<'_>, given: Vec<Given>, at: &At, problems: &
             resolved.params.values.insert(param.name, value);
         }
     }
+    let value_at = |name: &str| said.get(name).map_or(at, |given| &given.value_at);
+    for param in table.params {
+        if let Some(wrong) = resolved.params.refines_nothing(param) {
+            problems.add(value_at(param.name), wrong);
+        }
+    }
     resolved
+}
+
+impl Params {
+    /// What is wrong with a parameter that refines what is not there.
+    fn refines_nothing(&self, param: &ParamSpec) -> Option<String> {
+        let Kind::Refinement { words: [nothing, ..], of } = param.kind else { return None };
+        let (Some(ParamValue::Text(word)), Some(ParamValue::Text(other))) =
+            (self.values.get(param.name), self.values.get(of))
+        else {
+            return None; // one of them is wrong, which is said
+        };
+        let name = param.name;
+        (word != nothing && other == nothing).then(|| {
+            let why = format!("{name} is {word}, and {of} is {other}, of which there is nothing to be made better");
+            format!("{why}; right is {name} {nothing}, or a {of}")
+        })
+    }
 }
 
 fn value_of(

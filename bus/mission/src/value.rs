@@ -42,7 +42,7 @@ impl Kind {
             Kind::Flag => flag(text, self).map(ParamValue::Flag),
             Kind::Point { unit } => point(text, unit, self).map(ParamValue::Point),
             Kind::Size { unit } => size(text, unit, self).map(ParamValue::Point),
-            Kind::Choice(words) => choice(text, words),
+            Kind::Choice(words) | Kind::Refinement { words, .. } => choice(text, words),
             Kind::Text => Ok(ParamValue::Text(text.to_owned())),
             Kind::Variable => variable(text, self),
             Kind::File { builtin, at_once } => file(text, builtin, *at_once, folder),
@@ -67,6 +67,9 @@ impl Kind {
             Kind::Point { unit } => format!("three numbers \"x; y; z\"{}", in_unit(unit)),
             Kind::Size { unit } => format!("three numbers \"x; y; z\"{}, all positive or all 0", in_unit(unit)),
             Kind::Choice(words) => format!("one of {}", words.join(", ")),
+            Kind::Refinement { words, of } => {
+                format!("one of {}; all but {} only with a {of}", words.join(", "), words.first().unwrap_or(&""))
+            }
             Kind::Text => "any text".to_owned(),
             Kind::Variable => "the name of a variable (no space, comma, '*' or '?')".to_owned(),
             Kind::File { builtin: [], .. } => "a file".to_owned(),

@@ -354,7 +354,7 @@ impl Gateway {
                     }
                 }
                 Ok(Some(Event::End)) => client.session.end_packet(),
-                Ok(Some(Event::TooLong { bytes })) => client.session.note_too_long(bytes, LONGEST_MESSAGE),
+                Ok(Some(Event::TooLong { bytes, key })) => client.session.note_too_long(bytes, LONGEST_MESSAGE, key),
                 Ok(Some(Event::Greeting)) => {}
                 Ok(None) => break,
                 Err(error) => taken = Err(End::from(error)),

@@ -177,6 +177,16 @@ impl<'a> Message<'a> {
     }
 }
 
+impl<'a> Message<'a> {
+    /// The variable of a message that begins so; `None`: it does not reach as far.
+    pub(crate) fn key_in(beginning: &'a [u8]) -> Option<&'a [u8]> {
+        // Behind its length, id, kind and data stand the source, what is said of it, and the community.
+        let mut rest = Rest(beginning.get(10..)?);
+        (0..3).try_for_each(|_| rest.text().map(drop)).ok()?;
+        rest.text().ok()
+    }
+}
+
 fn put_i32(out: &mut Vec<u8>, number: i32) {
     out.extend_from_slice(&number.to_le_bytes());
 }

@@ -39,6 +39,10 @@ pub fn put_packet(out: &mut Vec<u8>, message: &Message<'_>) {
     message.put(out);
 }
 
+/// Of a message that is too long its variable is looked for in so many bytes: names of the length that the bus allows have room
+/// in it.
+pub const LONGEST_HEAD: usize = 2048;
+
 /// What comes next in a stream.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event<'a> {
@@ -55,6 +59,8 @@ pub enum Event<'a> {
     TooLong {
         /// How long it was (bytes).
         bytes: usize,
+        /// The variable, if it stands in the message's first [`LONGEST_HEAD`] bytes.
+        key: Option<&'a [u8]>,
     },
     /// The packet is over.
     End,
@@ -119,12 +125,14 @@ pub struct Decoder {
     came: usize,
     stage: Stage,
     longest: usize,
+    /// The variable of the message that is passed over, if it was found.
+    passed_key: Option<Vec<u8>>,
 }
 
 impl Decoder {
     /// The decoder of what a client says, from its greeting on; messages of more than `longest` bytes are passed over.
     pub fn of_client(longest: usize) -> Self {
-        Self { bytes: Vec::new(), at: 0, end: 0, came: 0, stage: Stage::Greeting, longest }
+        Self { bytes: Vec::new(), at: 0, end: 0, came: 0, stage: Stage::Greeting, longest, passed_key: None }
     }
 
     /// The decoder of what a server says.
@@ -232,6 +240,11 @@ impl Decoder {
                     let bytes = message_len(len, left, messages)?;
                     let (left, messages) = (left - bytes, messages - 1);
                     if bytes > self.longest {
+                        let head = bytes.min(LONGEST_HEAD);
+                        if have < head {
+                            return Ok(None);
+                        }
+                        self.passed_key = Message::key_in(&self.bytes[self.at..self.at + head]).map(<[u8]>::to_vec);
                         self.stage = Stage::Skipping { skip: bytes, bytes, left, messages };
                         continue;
                     }
@@ -246,7 +259,7 @@ impl Decoder {
                 }
                 Stage::Skipping { skip: 0, bytes, left, messages } => {
                     self.stage = Stage::Messages { left, messages, first: false };
-                    return Ok(Some(Event::TooLong { bytes }));
+                    return Ok(Some(Event::TooLong { bytes, key: self.passed_key.as_deref() }));
                 }
                 Stage::Skipping { skip, bytes, left, messages } => {
                     let passed = skip.min(have);

@@ -12,6 +12,7 @@ use elk_proto::wire::{self, Frame, FrameKind};
 use crate::hello::Manner;
 use crate::message::{Data, Kind, Message, REQUEST_ID};
 use crate::outgoing::{Outgoing, PacketWriter};
+use crate::packet::LONGEST_HEAD;
 use crate::text::{Forms, Texts};
 use down::Down;
 pub use down::data_of;
@@ -55,6 +56,8 @@ pub struct Session {
 
 /// Refusals that wait to be told; further ones are not put down.
 const REFUSALS: usize = 64;
+/// What stands for a variable that could not be read.
+const UNREAD: &str = "unknown";
 
 impl Session {
     /// The session of a client of this name. `life` tells it from those that had the name before it (see
@@ -118,10 +121,15 @@ impl Session {
         }
     }
 
-    /// A message of the client's was passed over, because it was `bytes` long and `longest` are the most.
-    pub fn note_too_long(&mut self, bytes: usize, longest: usize) {
-        let reason = format!("a message of {bytes} bytes; at most {longest} travel here");
-        self.refuse(Refusal { key: "?".into(), reason });
+    /// A message of the client's was passed over, because it was `bytes` long and `longest` are the most. `key` is its variable,
+    /// if that could be read.
+    pub fn note_too_long(&mut self, bytes: usize, longest: usize, key: Option<&[u8]>) {
+        let mut reason = format!("a message of {bytes} bytes; at most {longest} travel here");
+        let key = key.map(String::from_utf8_lossy).unwrap_or_else(|| {
+            reason += &format!("; its variable could not be read, its first {LONGEST_HEAD} bytes do not reach to it");
+            UNREAD.into()
+        });
+        self.refuse(Refusal { key: key.into_owned(), reason });
     }
 
     fn note_request(&mut self, key: &[u8]) -> Result<(), Refusal> {

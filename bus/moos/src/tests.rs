@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::hello::{Hello, Manner, Welcome, put_poison};
 use crate::message::{Data, Kind, Message, MessageError, SHORTEST};
 use crate::outgoing::{Outgoing, PacketWriter};
-use crate::packet::{Decoder, Event, HEADER, StreamError, greeting, put_packet};
+use crate::packet::{Decoder, Event, HEADER, LONGEST_HEAD, StreamError, greeting, put_packet};
 
 const LONGEST: usize = 1 << 16;
 
@@ -204,8 +204,36 @@ fn a_message_that_is_too_long_is_passed_over_and_the_next_is_heard() {
         all.extend(heard(&mut decoder).0);
     }
     assert_eq!(all.len(), 3, "{all:?}");
-    assert_eq!(all[0], format!("TooLong {{ bytes: {} }}", LONGEST + SHORTEST));
+    assert_eq!(all[0], format!("TooLong {{ bytes: {}, key: Some([]) }}", LONGEST + SHORTEST));
     assert!(all[1].contains("first: false"), "{all:?}");
+}
+
+#[test]
+fn of_a_message_that_is_too_long_the_variable_is_known_if_it_stands_in_its_beginning() {
+    let (value, far) = (vec![7; 2 * LONGEST_HEAD], vec![b'x'; LONGEST_HEAD]);
+    let of = |source_aux, key| Message { key, source_aux, value: &value, ..Message::new(Kind::NOTIFY, Data::BINARY) };
+    for (message, known) in [
+        (of(b"", b"IMAGE"), Some(&b"IMAGE"[..])),
+        (of(&far[..LONGEST_HEAD - 40], b"IMAGE"), Some(b"IMAGE")),
+        (of(&far, b"IMAGE"), None),
+        (of(b"", &far), None),
+    ] {
+        let mut bytes = Vec::new();
+        put_packet(&mut bytes, &message);
+        for piece in [1, 7, 1000, bytes.len()] {
+            let mut decoder = Decoder::of_server(LONGEST_HEAD);
+            let mut found = Vec::new();
+            for piece in bytes.chunks(piece) {
+                decoder.extend(piece);
+                while let Some(event) = decoder.next_event().unwrap() {
+                    if let Event::TooLong { bytes, key } = event {
+                        found.push((bytes, key.map(<[u8]>::to_vec)));
+                    }
+                }
+            }
+            assert_eq!(found, [(message.encoded_len(), known.map(<[u8]>::to_vec))]);
+        }
+    }
 }
 
 /// A message that owns what is in it.

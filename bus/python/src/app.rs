@@ -6,18 +6,29 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use elk_bus::{App, AppError, Client, Comms, Community, ConnectError, Mail, Refused, RunError, RunOptions, run_app_on};
+use elk_bus::wire::MAX_NAME;
+use elk_bus::{
+    App, AppError, Client, Comms, Community, ConnectError, Mail, Refused, RunError, RunOptions, run_app_on, tell,
+};
+use elk_outside::text::{self, printable};
 use elk_pipe::Registration;
-use pyo3::exceptions::PyException;
+use pyo3::exceptions::{PyException, PySystemExit};
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 
 use crate::bytes::Shelf;
 use crate::carried::Known;
 use crate::clock::Followed;
 use crate::error::{Rejection, error};
+use crate::fork::Home;
 use crate::message::Message;
 use crate::outgoing::{Outgoing, Said};
+use crate::text::{Number, Text};
 
+/// Times between two calls of `iterate` (s).
+const PERIODS: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+/// Characters of an exception's words that are said at most; the exception itself is the cause of what says them.
+const LONGEST_SAID: usize = 1000;
 /// How often a client looks whether the broker is there that it waits for.
 const JOIN_EVERY: Duration = Duration::from_millis(100);
 
@@ -26,11 +37,31 @@ type Launched = (String, String, Vec<(String, String)>, Vec<String>);
 
 /// What a launcher has handed over to this program.
 #[pyfunction]
-pub fn launched(arguments: Vec<String>) -> PyResult<Launched> {
-    let mut arguments = arguments.into_iter();
+pub fn launched(arguments: Vec<Text>) -> PyResult<Launched> {
+    let mut arguments = arguments.into_iter().map(|Text(argument)| argument);
     let program = arguments.next().unwrap_or_default();
     let options = RunOptions::from_arguments(&program, arguments.collect()).map_err(error)?;
     Ok((options.name, options.community.to_string(), options.params, options.args))
+}
+
+/// The first thing that a fork does: the broker no longer takes its life for that of the process that it was forked off.
+#[pyfunction]
+pub fn let_go_of_parent() {
+    elk_bus::shm::let_go_of_parent();
+}
+
+/// Has what a thread's Python does come to its end by this exit, as soon as it does something.
+///
+/// # Errors
+/// It is no SystemExit.
+#[pyfunction]
+pub fn interrupt(thread: std::ffi::c_long, exit: &Bound<'_, PyType>) -> PyResult<()> {
+    if !exit.is_subclass_of::<PySystemExit>()? {
+        return Err(error("a thread is interrupted by a SystemExit"));
+    }
+    // SAFETY: the interpreter's lock is held, and the exception is one. A thread that is not there any more is none to it.
+    unsafe { pyo3::ffi::PyThreadState_SetAsyncExc(thread, exit.as_ptr()) };
+    Ok(())
 }
 
 /// A client of a community, to be run on one thread; what it says is said from any.
@@ -47,11 +78,18 @@ pub struct Runner {
 impl Runner {
     /// A client that is not run yet.
     #[new]
-    fn new(name: &str, community: &str) -> PyResult<Self> {
+    fn new(name: Text, community: Text) -> PyResult<Self> {
+        let (name, community) = (name.0.as_str(), community.0);
+        if name.len() > MAX_NAME {
+            let (beginning, length) = (printable(&name.chars().take(40).collect::<String>()).into_owned(), name.len());
+            return Err(error(format_args!(
+                "{beginning}… is no name for a client: it has {length} bytes, and 64 are allowed"
+            )));
+        }
         let community = Community::new(community).map_err(error)?;
         let options = RunOptions::new(name, community.clone()).of_build(elk_bus::build!());
         let options = options.as_launched().map_err(error)?;
-        let outgoing = Arc::new(Outgoing::new()?);
+        let outgoing = Arc::new(Outgoing::new(name)?);
         let bell = outgoing.bell.clone();
         let shelf = Arc::new(Shelf::new(move || bell.ring()));
         Ok(Self { options, outgoing, shelf, known: Known::new(name, &community), was_run: AtomicBool::new(false) })
@@ -60,12 +98,12 @@ impl Runner {
     /// Joins and runs `handler`'s callbacks on this thread until it is stopped, fails, or its successor is ready. With
     /// `waits` it waits for a broker that is not there yet.
     #[pyo3(signature = (handler, period_secs=None, waits=false))]
-    fn run(&self, py: Python<'_>, handler: Py<PyAny>, period_secs: Option<f64>, waits: bool) -> PyResult<()> {
+    fn run(&self, py: Python<'_>, handler: Py<PyAny>, period_secs: Option<Number>, waits: bool) -> PyResult<()> {
+        self.outgoing.check()?;
+        let period = period_secs.map(|Number(secs)| self.period(secs)).transpose()?;
         if self.was_run.swap(true, Ordering::SeqCst) {
             return Err(error(format_args!("{} was run already; right is a new one", self.options.name)));
         }
-        let period = period_secs.map(Duration::try_from_secs_f64).transpose();
-        let period = period.map_err(|wrong| error(format_args!("a period of {period_secs:?} s: {wrong}")))?;
         let ended = py.detach(|| self.serve(handler, period, waits));
         self.shelf.close();
         let ended = ended.map_err(|failure| self.raised(py, failure));
@@ -88,49 +126,61 @@ impl Runner {
     }
 
     /// Registers: the latest values come at once, then all new ones.
-    #[pyo3(signature = (variables, sources="*", rate=None, lossless=false))]
+    #[pyo3(signature = (variables, sources=Text("*".to_owned()), rate=None, lossless=false))]
     fn register(
         &self,
         py: Python<'_>,
-        variables: &str,
-        sources: &str,
-        rate: Option<f64>,
+        variables: Text,
+        sources: Text,
+        rate: Option<Number>,
         lossless: bool,
     ) -> PyResult<()> {
+        let (Text(variables), Text(sources), rate) = (variables, sources, rate.map(|Number(rate)| rate));
         if let Some(wrong) = rate.filter(|rate| !(1e-6..=1e9).contains(rate)) {
             return Err(error(format_args!(
-                "rate is {wrong}; right is how many messages a second at most, from 0.000001"
+                "the rate of {} is {wrong}; right is how many messages a second at most, from 0.000001 to 1e9",
+                printable(&variables)
             )));
         }
-        let wanted = Registration { keys: variables.to_owned(), from: sources.to_owned(), rate, lossless };
+        let wanted = Registration { keys: variables, from: sources, rate, lossless };
         self.outgoing.say(py, Said::Register(wanted))
     }
 
     /// Takes a registration back.
-    #[pyo3(signature = (variables, sources="*"))]
-    fn unregister(&self, py: Python<'_>, variables: &str, sources: &str) -> PyResult<()> {
-        let wanted = Registration { keys: variables.to_owned(), from: sources.to_owned(), rate: None, lossless: false };
+    #[pyo3(signature = (variables, sources=Text("*".to_owned())))]
+    fn unregister(&self, py: Python<'_>, variables: Text, sources: Text) -> PyResult<()> {
+        let (Text(variables), Text(sources)) = (variables, sources);
+        let wanted = Registration { keys: variables, from: sources, rate: None, lossless: false };
         self.outgoing.say(py, Said::Unregister(wanted))
     }
 
     /// Publishes a value.
-    #[pyo3(signature = (variable, value, time=None, type_name=None, source_aux=String::new()))]
+    #[pyo3(signature = (variable, value, time=None, type_name=None, source_aux=Text(String::new())))]
     fn publish(
         &self,
         py: Python<'_>,
-        variable: String,
+        variable: Text,
         value: &Bound<'_, PyAny>,
-        time: Option<f64>,
-        type_name: Option<String>,
-        source_aux: String,
+        time: Option<Number>,
+        type_name: Option<Text>,
+        source_aux: Text,
     ) -> PyResult<()> {
+        self.outgoing.check()?;
+        let (Text(variable), Text(source_aux)) = (variable, source_aux);
+        let (time, type_name) = (time.map(|Number(time)| time), type_name.map(|Text(name)| name));
         let value = self.known.value(&variable, value, type_name)?;
         self.outgoing.say(py, Said::Publish { variable, value, time, source_aux })
     }
 
+    /// Says and counts that a message is of no use, which has left its callback.
+    fn reject(&self, py: Python<'_>, message: &Message, why: Text) -> PyResult<()> {
+        self.outgoing.say(py, message.rejected(why.0))
+    }
+
     /// What a variable carries, as JSON; None: nobody has said.
-    fn describe(&self, py: Python<'_>, variable: &str) -> PyResult<Option<String>> {
-        py.detach(|| self.known.describe(variable)).map_err(error)
+    fn describe(&self, py: Python<'_>, variable: Text) -> PyResult<Option<String>> {
+        self.outgoing.check()?;
+        py.detach(|| self.known.describe(&variable.0)).map_err(error)
     }
 
     /// The community's time (s), in a callback; None elsewhere.
@@ -152,6 +202,16 @@ impl Runner {
 }
 
 impl Runner {
+    fn period(&self, secs: f64) -> PyResult<Duration> {
+        let right = PERIODS.contains(&secs).then(|| Duration::from_secs_f64(secs));
+        right.ok_or_else(|| {
+            error(format_args!(
+                "the period of {} is {secs}; right is the time between two calls of iterate (s), from 0.000001 to 1e9, or None",
+                printable(&self.options.name)
+            ))
+        })
+    }
+
     fn serve(&self, handler: Py<PyAny>, period: Option<Duration>, waits: bool) -> Result<(), RunError> {
         let Some(mut client) = self.join(waits)? else { return Ok(()) };
         let clock = Followed::joined(client.comms.clock());
@@ -163,7 +223,10 @@ impl Runner {
     fn join(&self, waits: bool) -> Result<Option<Client>, RunError> {
         while !self.outgoing.stop.load(Ordering::Relaxed) {
             match Client::join(&self.options) {
-                Err(ConnectError::NoBroker(_)) if waits => std::thread::sleep(JOIN_EVERY),
+                // One that has only just begun answers later.
+                Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. }) if waits => {
+                    std::thread::sleep(JOIN_EVERY);
+                }
                 joined => return Ok(Some(joined?)),
             }
         }
@@ -187,6 +250,11 @@ impl Runner {
     }
 }
 
+/// The beginning of what somebody's exception says.
+fn words(said: &impl std::fmt::Display) -> String {
+    text::clipped(&said.to_string(), LONGEST_SAID).into_owned()
+}
+
 /// What a callback has raised.
 #[derive(Debug)]
 struct Raised {
@@ -196,7 +264,7 @@ struct Raised {
 
 impl std::fmt::Display for Raised {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} raised {}", self.callback, self.exception)
+        write!(f, "{} raised {}", self.callback, words(&self.exception))
     }
 }
 
@@ -218,14 +286,28 @@ impl PyApp<'_> {
         act: impl FnOnce(Python<'_>, &Bound<'_, PyAny>) -> PyResult<()>,
     ) -> Result<(), AppError> {
         self.clock.follow(comms.clock());
+        let home = Home::here();
         self.runner.outgoing.lend(comms, || {
             Python::attach(|py| {
-                act(py, self.handler.bind(py)).map_err(|exception| match exception.is_instance_of::<Rejection>(py) {
-                    true => AppError::from(elk_bus::Rejection::new(exception.value(py))),
+                let done = act(py, self.handler.bind(py));
+                if home.is_elsewhere() {
+                    home.end_fork(py, &callback(), done);
+                }
+                done.map_err(|exception| match exception.is_instance_of::<Rejection>(py) {
+                    true => AppError::from(elk_bus::Rejection::new(words(exception.value(py)))),
                     false => AppError::from(Raised { callback: callback(), exception }),
                 })
             })
         })
+    }
+
+    /// Says what other threads have said; of what there is no room for they are told as of what the broker refuses.
+    fn say_queued(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        for refused in self.runner.outgoing.say_queued(comms)? {
+            tell(format_args!("{}: {} was not said: {}", comms.name(), printable(&refused.key), refused.reason));
+            self.on_refused(comms, &refused)?;
+        }
+        Ok(())
     }
 
     fn call_plain(&mut self, comms: &mut Comms, name: &'static str) -> Result<(), AppError> {
@@ -252,7 +334,7 @@ impl App for PyApp<'_> {
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.call_plain(comms, "on_stop")?;
-        Ok(self.runner.outgoing.say_queued(comms)?)
+        self.say_queued(comms)
     }
 
     fn on_refused(&mut self, comms: &mut Comms, refused: &Refused) -> Result<(), AppError> {
@@ -273,7 +355,7 @@ impl App for PyApp<'_> {
     fn on_wake(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.runner.outgoing.bell.hush();
         self.runner.shelf.clear();
-        self.runner.outgoing.say_queued(comms)?;
+        self.say_queued(comms)?;
         let callback = || "a signal's handler".to_owned();
         self.call(comms, callback, |py, _| py.check_signals())
     }

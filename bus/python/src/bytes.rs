@@ -11,6 +11,8 @@ use elk_bus::link::Held;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
+use crate::fork::Home;
+
 /// The bytes of a value.
 pub enum Bytes {
     /// A copy: of a value that came in a batch.
@@ -54,6 +56,9 @@ impl Shelved {
 
 impl Drop for Shelved {
     fn drop(&mut self) {
+        if self.shelf.home.is_elsewhere() {
+            return; // the client that it was made for still reads it
+        }
         // SAFETY: it is taken once, here, and never looked at again.
         let value = unsafe { ManuallyDrop::take(&mut self.value) };
         self.shelf.put(value);
@@ -62,6 +67,7 @@ impl Drop for Shelved {
 
 /// Where values lie that Python has let go of, until the client's thread comes by.
 pub struct Shelf {
+    home: Home,
     state: Mutex<OnShelf>,
     /// Has the client's thread come.
     ring: Box<dyn Fn() + Send + Sync>,
@@ -77,7 +83,7 @@ struct OnShelf {
 impl Shelf {
     /// An empty one; `ring` has the client's thread clear it soon.
     pub fn new(ring: impl Fn() + Send + Sync + 'static) -> Self {
-        Self { state: Mutex::default(), ring: Box::new(ring) }
+        Self { home: Home::here(), state: Mutex::default(), ring: Box::new(ring) }
     }
 
     fn lock(&self) -> MutexGuard<'_, OnShelf> {
@@ -107,6 +113,15 @@ impl Shelf {
         let mut state = self.lock();
         state.is_closed = true;
         state.values.clear();
+    }
+}
+
+impl Drop for Shelf {
+    fn drop(&mut self) {
+        if self.home.is_elsewhere() {
+            let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
+            std::mem::forget(std::mem::take(&mut state.values));
+        }
     }
 }
 
@@ -154,18 +169,24 @@ fn record<'py>(py: Python<'py>, fields: &[(String, String, Vec<usize>)]) -> PyRe
     py.import("numpy")?.call_method1("dtype", (fields.collect::<PyResult<Vec<_>>>()?,))
 }
 
+/// So many in each of a shape's places; `None`: more than there can be.
+pub fn product(each: usize, shape: &[usize]) -> Option<usize> {
+    shape.iter().try_fold(each, |product, side| product.checked_mul(*side))
+}
+
 /// Bytes of a number, as numpy names it.
-fn width(number: &str) -> usize {
+pub fn width(number: &str) -> usize {
     number.get(2..).and_then(|width| width.parse().ok()).unwrap_or(1)
 }
 
 impl Element {
-    /// Bytes of one.
-    pub fn width(&self) -> usize {
+    /// Bytes of one; `None`: more than there can be.
+    pub fn width(&self) -> Option<usize> {
         match self {
-            Element::Number(number) => width(number),
+            Element::Number(number) => Some(width(number)),
             Element::Record(fields) => {
-                fields.iter().map(|(_, number, shape)| width(number) * shape.iter().product::<usize>()).sum()
+                let mut widths = fields.iter().map(|(_, number, shape)| product(width(number), shape));
+                widths.try_fold(0_usize, |sum, width| sum.checked_add(width?))
             }
         }
     }
@@ -179,7 +200,8 @@ impl View {
         let (number, shape) = match &self.element {
             Element::Number(number) => (number.as_str(), PyTuple::new(py, &self.shape)?),
             Element::Record(_) => {
-                let bytes = self.shape.iter().product::<usize>() * self.element.width();
+                // `None` is no array that was ever read.
+                let bytes = self.element.width().and_then(|width| product(width, &self.shape)).unwrap_or_default();
                 ("|u1", PyTuple::new(py, [bytes])?)
             }
         };

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE};
 use elk_bus::clock::Stopwatch;
+use elk_bus::codec::MAX_VALUE_BYTES;
 use elk_bus::moos::session::BYTES_TYPE;
 use elk_bus::{Client, Community, Type, Value};
 use elk_pipe::carried::Carried;
@@ -14,8 +15,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyBytes, PyFloat, PyInt, PyMemoryView, PyString};
 
 use crate::encode::{encode, has_arrays};
-use crate::error::error;
+use crate::error::{error, within};
 use crate::json::to_json;
+use crate::text::{Number, Text};
 
 /// How long the broker may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -49,16 +51,18 @@ impl Known {
     /// It is no such value, or nobody knows what the variable carries.
     pub fn value(&self, variable: &str, value: &Bound<'_, PyAny>, type_name: Option<String>) -> PyResult<Value> {
         check_variable(variable).map_err(error)?;
-        if type_name.is_none() {
-            if value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>() {
-                return Ok(Value::Double(value.extract()?));
-            }
-            if value.is_instance_of::<PyString>() {
-                return Ok(Value::Text(value.extract()?));
-            }
-            if let Some(bytes) = bytes_of(value)? {
-                return Ok(Value::Binary { type_: Type::undescribed(BYTES_TYPE, 0), bytes });
-            }
+        let value = self.value_of(variable, value, type_name).map_err(|wrong| within(value.py(), variable, wrong))?;
+        match value.as_ref().byte_len() {
+            0..=MAX_VALUE_BYTES => Ok(value),
+            length => Err(error(format_args!("{variable}: {}", too_long(length)))),
+        }
+    }
+
+    fn value_of(&self, variable: &str, value: &Bound<'_, PyAny>, type_name: Option<String>) -> PyResult<Value> {
+        if type_name.is_none()
+            && let Some(value) = plain(value)?
+        {
+            return Ok(value);
         }
         let has_arrays = has_arrays(value)?;
         let json = if has_arrays { serde_json::Value::Null } else { to_json(value)? };
@@ -127,13 +131,43 @@ impl Known {
     }
 }
 
+fn too_long(length: usize) -> String {
+    format!("a value of {length} bytes; at most {MAX_VALUE_BYTES} are allowed: publish it in parts")
+}
+
+/// Numbers, texts and bytes as they are; `None`: it is none of them.
+fn plain(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+    if value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>() {
+        let Number(number) = value.extract()?;
+        return Ok(Some(Value::Double(number)));
+    }
+    if value.is_instance_of::<PyString>() {
+        short(value.len()?)?;
+        let Text(text) = value.extract()?;
+        return Ok(Some(Value::Text(text)));
+    }
+    let bytes = bytes_of(value)?;
+    Ok(bytes.map(|bytes| Value::Binary { type_: Type::undescribed(BYTES_TYPE, 0), bytes }))
+}
+
+/// Sees that so many bytes are not too many, before they are copied.
+fn short(length: usize) -> PyResult<()> {
+    if length > MAX_VALUE_BYTES { Err(error(too_long(length))) } else { Ok(()) }
+}
+
 /// The bytes of bytes-like values.
 fn bytes_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Vec<u8>>> {
     if let Ok(bytes) = value.cast::<PyBytes>() {
+        short(bytes.as_bytes().len())?;
         return Ok(Some(bytes.as_bytes().to_vec()));
     }
-    match value.is_instance_of::<PyByteArray>() || value.is_instance_of::<PyMemoryView>() {
-        true => bytes_of(&value.py().get_type::<PyBytes>().call1((value,))?),
-        false => Ok(None),
-    }
+    let length = if value.is_instance_of::<PyByteArray>() {
+        value.len()?
+    } else if value.is_instance_of::<PyMemoryView>() {
+        value.getattr("nbytes")?.extract()?
+    } else {
+        return Ok(None);
+    };
+    short(length)?;
+    bytes_of(&value.py().get_type::<PyBytes>().call1((value,))?)
 }

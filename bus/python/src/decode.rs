@@ -12,8 +12,8 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::bytes::{Bytes, Element, View};
-use crate::error::error;
+use crate::bytes::{Bytes, Element, View, product};
+use crate::error::{decode_error, error};
 
 /// A value's bytes as a Python value.
 ///
@@ -27,7 +27,10 @@ pub fn decode<'py>(py: Python<'py>, bytes: &Arc<Bytes>, description: &Descriptio
         left => Err(error(format_args!("{left} bytes are left over"))),
     });
     value.map_err(|wrong| {
-        error(format_args!("the bytes are no {}: {} (at byte {})", description.name(), wrong.value(py), reader.at))
+        decode_error(
+            py,
+            format_args!("the bytes are no {}: {} (at byte {})", description.name(), wrong.value(py), reader.at),
+        )
     })
 }
 
@@ -95,7 +98,7 @@ impl<'py, 'a> Reader<'py, 'a> {
             Kind::List(inner) => {
                 let count = self.unsigned(8)?;
                 match numbers(inner) {
-                    Some((number, shape)) => self.array(count, Element::Number(number), shape),
+                    Some(Numbers { number, shape }) => self.array(count, Element::Number(number), shape),
                     None => self.list(inner, count),
                 }
             }
@@ -154,8 +157,8 @@ impl<'py, 'a> Reader<'py, 'a> {
     /// Values behind their length in bytes.
     fn packed(&mut self, inner: &Kind, length: u64) -> Value<'py> {
         let (element, shape) = match (numbers(inner), record(inner)) {
-            (Some((number, shape)), _) => (Element::Number(number), shape),
-            (None, Some(fields)) => (Element::Record(fields), Vec::new()),
+            (Some(Numbers { number, shape }), _) => (Element::Number(number), shape),
+            (None, Some(fields)) => (fields, Vec::new()),
             (None, None) => {
                 let end = self.at.saturating_add(usize::try_from(length).unwrap_or(usize::MAX));
                 let all = PyList::empty(self.py);
@@ -165,7 +168,7 @@ impl<'py, 'a> Reader<'py, 'a> {
                 return Ok(all.into_any());
             }
         };
-        let width = (element.width() * shape.iter().product::<usize>()).max(1) as u64;
+        let width = width_of(&element, &shape)?.max(1);
         match length % width {
             0 => self.array(length / width, element, shape),
             _ => Err(error(format_args!("{length} bytes are no list of values of {width} bytes"))),
@@ -174,7 +177,10 @@ impl<'py, 'a> Reader<'py, 'a> {
 
     /// So many elements of this shape, where they lie.
     fn array(&mut self, count: u64, element: Element, inner: Vec<usize>) -> Value<'py> {
-        let width = (element.width() * inner.iter().product::<usize>()) as u64;
+        let width = width_of(&element, &inner)?;
+        if width == 0 && count > Description::MOST_VALUES as u64 {
+            return Err(error(format_args!("it has more than {} values", Description::MOST_VALUES)));
+        }
         let offset = self.at;
         self.take(count.saturating_mul(width))?;
         let mut shape = vec![count as usize];
@@ -183,27 +189,52 @@ impl<'py, 'a> Reader<'py, 'a> {
     }
 }
 
-/// The numbers that a value is, if it is nothing but numbers of one kind, and their shape.
-pub fn numbers(kind: &Kind) -> Option<(String, Vec<usize>)> {
+/// Bytes of an array's element, in each of a shape's places.
+fn width_of(element: &Element, shape: &[usize]) -> PyResult<u64> {
+    let width = element.width().and_then(|width| product(width, shape));
+    width.map(|width| width as u64).ok_or_else(|| error("its arrays are longer than memory can be"))
+}
+
+/// Numbers of one kind, as numpy names it, and their shape.
+pub struct Numbers {
+    /// As `<f4`.
+    pub number: String,
+    /// Of one value.
+    pub shape: Vec<usize>,
+}
+
+impl Numbers {
+    fn one(number: String) -> Option<Self> {
+        Some(Self { number, shape: Vec::new() })
+    }
+}
+
+/// The numbers that a value is, if it is nothing but numbers of one kind.
+pub fn numbers(kind: &Kind) -> Option<Numbers> {
     match kind.plain() {
-        Kind::Unsigned(1) => Some(("|u1".to_owned(), Vec::new())),
-        Kind::Signed(1) => Some(("|i1".to_owned(), Vec::new())),
-        Kind::Unsigned(bytes) => Some((format!("<u{bytes}"), Vec::new())),
-        Kind::Signed(bytes) => Some((format!("<i{bytes}"), Vec::new())),
-        Kind::Float(bytes) => Some((format!("<f{bytes}"), Vec::new())),
-        Kind::Rotation => Some(("<f8".to_owned(), vec![4])),
+        Kind::Unsigned(1) => Numbers::one("|u1".to_owned()),
+        Kind::Signed(1) => Numbers::one("|i1".to_owned()),
+        Kind::Unsigned(bytes) => Numbers::one(format!("<u{bytes}")),
+        Kind::Signed(bytes) => Numbers::one(format!("<i{bytes}")),
+        Kind::Float(bytes) => Numbers::one(format!("<f{bytes}")),
+        Kind::Rotation => Some(Numbers { number: "<f8".to_owned(), shape: vec![4] }),
         Kind::Array { of, count } => {
-            let (number, mut shape) = numbers(of)?;
-            shape.insert(0, usize::try_from(*count).ok()?);
-            Some((number, shape))
+            let mut numbers = numbers(of)?;
+            numbers.shape.insert(0, usize::try_from(*count).ok()?);
+            Some(numbers)
         }
         _ => None,
     }
 }
 
-/// The fields of a struct of numbers.
-fn record(kind: &Kind) -> Option<Vec<(String, String, Vec<usize>)>> {
+/// A struct of numbers as numpy's record.
+fn record(kind: &Kind) -> Option<Element> {
     let Kind::Struct(one) = kind.plain() else { return None };
-    let field = |field: &Field| numbers(&field.kind).map(|(number, shape)| (field.name.clone(), number, shape));
-    one.fields.iter().map(field).collect()
+    let field = |field: &Field| {
+        let Numbers { number, shape } = numbers(&field.kind)?;
+        Some((field.name.clone(), number, shape))
+    };
+    let element = Element::Record(one.fields.iter().map(field).collect::<Option<_>>()?);
+    // Of records of no bytes numpy cannot say how many there are.
+    (element.width() != Some(0)).then_some(element)
 }

@@ -12,6 +12,8 @@
 //! | `json` | Python's values as JSON, from which descriptions make bytes |
 //! | `log` | recorded runs |
 //! | `clock` | the time of the community that the process has joined |
+//! | `text` | Python's texts and numbers as the bus has them |
+//! | `fork` | which process something was made in |
 //! | `error` | what Python is told when something cannot be done |
 
 mod app;
@@ -21,10 +23,12 @@ mod clock;
 mod decode;
 mod encode;
 mod error;
+mod fork;
 mod json;
 mod log;
 mod message;
 mod outgoing;
+mod text;
 
 use pyo3::prelude::*;
 
@@ -33,6 +37,7 @@ fn _elk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("Error", module.py().get_type::<error::Error>())?;
     module.add("Rejection", module.py().get_type::<error::Rejection>())?;
+    module.add("DecodeError", error::decode_error_type(module.py())?)?;
     module.add_class::<app::Runner>()?;
     module.add_class::<message::Message>()?;
     module.add_class::<bytes::View>()?;
@@ -41,5 +46,7 @@ fn _elk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(clock::local_time, module)?)?;
     module.add_function(wrap_pyfunction!(clock::get_moos_timewarp, module)?)?;
     module.add_function(wrap_pyfunction!(clock::set_moos_timewarp, module)?)?;
+    module.add_function(wrap_pyfunction!(app::interrupt, module)?)?;
+    module.add_function(wrap_pyfunction!(app::let_go_of_parent, module)?)?;
     module.add_function(wrap_pyfunction!(app::launched, module)?)
 }

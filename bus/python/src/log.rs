@@ -1,6 +1,8 @@
 //! Recorded runs.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -15,6 +17,9 @@ use crate::message::Message;
 
 /// Columns of a table at most: what a log's texts may come to.
 const MOST_COLUMNS: usize = 4096;
+
+/// Numbers in a table at most, those that are missing in a row too: a gigabyte of them.
+const MOST_CELLS: usize = 1 << 27;
 
 /// A log that is read from its beginning to its end: an iterator over its messages.
 #[pyclass(frozen, module = "elk")]
@@ -31,9 +36,10 @@ impl LogReader {
 
 #[pymethods]
 impl LogReader {
-    /// Opens the log at `path`, a file or a run's folder.
+    /// Opens the log at `path`, a file or a run's folder, as the system has it (`os.fsencode`).
     #[new]
-    fn new(path: PathBuf) -> PyResult<Self> {
+    fn new(path: &[u8]) -> PyResult<Self> {
+        let path = PathBuf::from(OsStr::from_bytes(path));
         let reader = Mutex::new(elk_log::LogReader::open(&path).map_err(error)?);
         Ok(Self { path, reader })
     }
@@ -146,6 +152,12 @@ impl Table {
 
     fn put(&mut self, record: &RecordRef<'_>, places: &mut BTreeMap<String, usize>) -> PyResult<()> {
         let row = self.times.len();
+        if (row + 1).saturating_mul(self.columns.len() + 1) > MOST_CELLS {
+            let (columns, key) = (self.columns.len(), record.key);
+            return Err(error(format_args!(
+                "{key}: {columns} columns of more than {row} rows are more than {MOST_CELLS} numbers; right is to iterate over the log"
+            )));
+        }
         self.times.push(record.time);
         if let ValueRef::Text(text) = record.value {
             self.texts.resize(row, None);

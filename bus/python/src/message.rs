@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use elk_bus::{Mail, Type, ValueRef};
 use elk_log::RecordRef;
+use elk_outside::text::{clipped, printable};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
@@ -12,7 +13,11 @@ use pyo3::types::PyBytes;
 
 use crate::bytes::{Bytes, Shelf, Shelved, View};
 use crate::decode::decode;
-use crate::error::error;
+use crate::error::{Error, decode_error};
+use crate::outgoing::Said;
+
+/// Characters of a text that are shown at most.
+const LONGEST_SHOWN: usize = 1000;
 
 /// A message: pymoos' names, and `value()` for whatever it carries.
 #[pyclass(frozen, module = "elk")]
@@ -81,17 +86,40 @@ impl Message {
         }
     }
 
+    /// What is said of it if it is of no use.
+    pub fn rejected(&self, why: String) -> Said {
+        Said::Reject { variable: self.key.clone(), source: self.source.clone(), sequence: self.sequence, why }
+    }
+
     /// The value in a few words.
     fn shown(&self) -> String {
         match &self.value {
             Value::Double(number) => number.to_string(),
-            Value::Text(text) => format!("{text:?}"),
-            Value::Binary(type_, bytes) => format!("{} ({} bytes)", type_.as_ref().name(), bytes.len()),
+            Value::Text(text) => format!("{:?}", clipped(text, LONGEST_SHOWN)),
+            Value::Binary(type_, bytes) => format!("{} ({} bytes)", printable(type_.as_ref().name()), bytes.len()),
         }
     }
 
-    fn is_no(&self, wanted: &str, right: &str) -> PyErr {
-        error(format_args!("{} carries {}, and no {wanted}; right is {right}", self.key, self.type_name()))
+    fn is_no(&self, py: Python<'_>, wanted: &str, right: &str) -> PyErr {
+        let (key, carried) = (printable(&self.key), self.type_name());
+        decode_error(py, format_args!("{key} carries {carried}, and no {wanted}; right is {right}"))
+    }
+
+    /// What is wrong with its bytes.
+    fn wrong(&self, py: Python<'_>, wrong: PyErr) -> PyErr {
+        let key = printable(&self.key);
+        match wrong.is_instance_of::<Error>(py) {
+            true => decode_error(py, format_args!("{key}: {}", wrong.value(py))),
+            false => wrong,
+        }
+    }
+
+    /// Who said what of which variable, as it is seen on a terminal.
+    fn line(&self) -> String {
+        let beside =
+            if self.source_aux.is_empty() { String::new() } else { format!(" ({})", printable(&self.source_aux)) };
+        let (key, source, value) = (printable(&self.key), printable(&self.source), self.shown());
+        format!("{key}={value} from {source}{beside}")
     }
 }
 
@@ -158,9 +186,9 @@ impl Message {
     }
 
     /// Has a text count as bytes, too, as in pymoos: it is still the text that it is.
-    fn mark_as_binary(&self) -> PyResult<()> {
+    fn mark_as_binary(&self, py: Python<'_>) -> PyResult<()> {
         match self.value {
-            Value::Double(_) => Err(self.is_no("text", "value()")),
+            Value::Double(_) => Err(self.is_no(py, "text", "value()")),
             Value::Text(_) => {
                 self.is_marked.store(true, Ordering::Relaxed);
                 Ok(())
@@ -170,25 +198,25 @@ impl Message {
     }
 
     /// The number.
-    fn double(&self) -> PyResult<f64> {
+    fn double(&self, py: Python<'_>) -> PyResult<f64> {
         match self.value {
             Value::Double(number) => Ok(number),
-            _ => Err(self.is_no("number", "value(), or to ask is_double() first")),
+            _ => Err(self.is_no(py, "number", "value(), or to ask is_double() first")),
         }
     }
 
     /// The text.
-    fn string(&self) -> PyResult<&str> {
+    fn string(&self, py: Python<'_>) -> PyResult<&str> {
         match &self.value {
             Value::Text(text) => Ok(text),
-            _ => Err(self.is_no("text", "value(), or to ask is_string() first")),
+            _ => Err(self.is_no(py, "text", "value(), or to ask is_string() first")),
         }
     }
 
     /// The bytes, as a memoryview that cannot be written: of a bulk value where its publisher wrote it, of a text its UTF-8.
     fn binary_data<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let bytes = match &self.value {
-            Value::Double(_) => return Err(self.is_no("bytes", "value(), or to ask is_double() first")),
+            Value::Double(_) => return Err(self.is_no(py, "bytes", "value(), or to ask is_double() first")),
             Value::Text(text) => PyBytes::new(py, text.as_bytes()).into_any(),
             Value::Binary(_, bytes) => View::whole(bytes).into_array(py)?,
         };
@@ -206,9 +234,7 @@ impl Message {
 
     /// Prints it in a line.
     fn trace(&self, py: Python<'_>) -> PyResult<()> {
-        let beside = if self.source_aux.is_empty() { String::new() } else { format!(" ({})", self.source_aux) };
-        let (key, value, source, community) = (&self.key, self.shown(), &self.source, &self.community);
-        let words = format!("{key}={value} from {source}{beside} of {community} at {:.3} s", self.time);
+        let words = format!("{} of {} at {:.3} s", self.line(), printable(&self.community), self.time);
         py.import("builtins")?.call_method1("print", (words,)).map(drop)
     }
 
@@ -234,7 +260,7 @@ impl Message {
             Value::Double(number) => number.into_bound_py_any(py),
             Value::Text(text) => text.as_str().into_bound_py_any(py),
             Value::Binary(type_, bytes) => match type_.as_ref().description() {
-                Some(description) => decode(py, bytes, &description),
+                Some(description) => decode(py, bytes, &description).map_err(|wrong| self.wrong(py, wrong)),
                 None => self.binary_data(py),
             },
         }
@@ -252,6 +278,17 @@ impl Message {
     }
 
     fn __repr__(&self) -> String {
-        format!("<elk.Message {}={} from {} at {:.3} s>", self.key, self.shown(), self.source, self.time)
+        format!("<elk.Message {} at {:.3} s>", self.line(), self.time)
+    }
+
+    /// Bytes that it takes, its value's too, wherever that lies.
+    fn __sizeof__(&self) -> usize {
+        let value = match &self.value {
+            Value::Double(_) => 0,
+            Value::Text(text) => text.len(),
+            Value::Binary(_, bytes) => bytes.len(),
+        };
+        let names = [&self.key, &self.source, &self.source_aux, &self.community];
+        size_of::<Self>() + value + names.into_iter().map(String::len).sum::<usize>()
     }
 }

@@ -12,14 +12,16 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use elk_bus::codec::MAX_VALUE_BYTES;
+use elk_bus::link::LinkError;
 use elk_bus::wire::MAX_NAME;
-use elk_bus::{Comms, CommsError, Origin, Value};
+use elk_bus::{Comms, CommsError, Origin, Refused, Value};
+use elk_outside::text;
 use elk_pipe::Registration;
 use pyo3::prelude::*;
 use rustix::pipe::{PipeFlags, pipe_with};
 
 use crate::error::error;
+use crate::fork::Home;
 
 /// Bytes that wait for the client's thread at most; one value may be longer.
 const MOST_WAITING: usize = 4 << 20;
@@ -32,6 +34,13 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 pub enum Said {
     Register(Registration),
     Unregister(Registration),
+    /// A message that somebody else took, and could not use.
+    Reject {
+        variable: String,
+        source: String,
+        sequence: u64,
+        why: String,
+    },
     /// A variable's value; since when it is so (s, the community's clock), if not now; and what is said about the source.
     Publish {
         variable: String,
@@ -46,6 +55,7 @@ impl Said {
         match self {
             Said::Register(wanted) => comms.register(wanted.subscription()),
             Said::Unregister(wanted) => comms.unregister(wanted.subscription()),
+            Said::Reject { variable, source, sequence, why } => comms.reject(variable, source, *sequence, why),
             Said::Publish { variable, value, time, source_aux } => {
                 let value = value.as_ref();
                 comms.publish_value(variable, value, Origin { time: *time, source_aux, source: None })?;
@@ -67,25 +77,38 @@ impl Said {
         self.value_len() + BESIDE_VALUE
     }
 
+    /// The variable, or the pattern of them.
+    fn variable(&self) -> &str {
+        match self {
+            Said::Register(wanted) | Said::Unregister(wanted) => &wanted.keys,
+            Said::Publish { variable, .. } | Said::Reject { variable, .. } => variable,
+        }
+    }
+
     /// What the bus would refuse later, when nobody could be told where it was said.
     fn check(&self) -> PyResult<()> {
         let names = match self {
             Said::Register(wanted) | Said::Unregister(wanted) => [&wanted.keys, &wanted.from],
             Said::Publish { variable, source_aux, .. } => [variable, source_aux],
+            Said::Reject { .. } => return Ok(()),
         };
         if let Some(long) = names.into_iter().find(|name| name.len() > MAX_NAME) {
             let beginning: String = long.chars().take(40).collect();
+            let (beginning, length) = (text::printable(&beginning), long.len());
             return Err(error(format_args!(
-                "{beginning}… is a name of {} bytes; at most {MAX_NAME} are allowed",
-                long.len()
+                "{beginning}… is a name of {length} bytes; at most {MAX_NAME} are allowed"
             )));
         }
-        let value = self.value_len();
-        match value > MAX_VALUE_BYTES {
-            true => Err(error(format_args!(
-                "a value of {value} bytes; at most {MAX_VALUE_BYTES} are allowed: publish it in parts"
+        match self {
+            Said::Register(wanted) | Said::Unregister(wanted) if wanted.keys.is_empty() || wanted.from.is_empty() => {
+                Err(error(
+                    "a registration without a name; right is a variable's name or a pattern, and `*` for all apps",
+                ))
+            }
+            Said::Publish { variable, time: Some(time), .. } if !time.is_finite() => Err(error(format_args!(
+                "the time of {variable} is {time}; right is seconds of the community's clock, or -1 for now"
             ))),
-            false => Ok(()),
+            _ => Ok(()),
         }
     }
 }
@@ -155,6 +178,8 @@ pub struct Outgoing {
     /// The app is to leave.
     pub stop: AtomicBool,
     pub counts: Counts,
+    name: String,
+    home: Home,
 }
 
 #[derive(Default)]
@@ -180,9 +205,18 @@ impl Drop for Lent {
 }
 
 impl Outgoing {
-    pub fn new() -> io::Result<Self> {
+    pub fn new(name: &str) -> io::Result<Self> {
         let (queue, room, bell) = (Mutex::default(), Condvar::new(), Bell::new()?.into());
-        Ok(Self { queue, room, bell, stop: AtomicBool::new(false), counts: Counts::default() })
+        let (name, home) = (name.to_owned(), Home::here());
+        Ok(Self { queue, room, bell, stop: AtomicBool::new(false), counts: Counts::default(), name, home })
+    }
+
+    /// Sees that this is the client's process.
+    ///
+    /// # Errors
+    /// It is a fork of it.
+    pub fn check(&self) -> PyResult<()> {
+        self.home.check(&self.name)
     }
 
     fn lock(&self) -> MutexGuard<'_, Queue> {
@@ -197,7 +231,7 @@ impl Outgoing {
 
     /// Does something with the client's saying end, if this is its thread, in a callback.
     pub fn with_comms<T>(&self, act: impl FnOnce(&mut Comms) -> T) -> Option<T> {
-        let lent = LENT.get().filter(|(whose, _)| std::ptr::eq(*whose, self))?;
+        let lent = LENT.get().filter(|(whose, _)| std::ptr::eq(*whose, self) && !self.home.is_elsewhere())?;
         // Nobody gets hold of it a second time meanwhile.
         let _back = Lent(LENT.replace(None));
         let mut comms = lent.1;
@@ -209,8 +243,9 @@ impl Outgoing {
     /// Says something; waits for room with the interpreter's lock released.
     ///
     /// # Errors
-    /// It is too long, the client is gone, or a signal came.
+    /// It cannot be, the client is gone, this is a fork, or a signal came.
     pub fn say(&self, py: Python<'_>, said: Said) -> PyResult<()> {
+        self.check()?;
         said.check()?;
         if let Some(done) = py.detach(|| self.with_comms(|comms| said.say(comms, &self.counts))) {
             return done.map_err(error);
@@ -244,22 +279,38 @@ impl Outgoing {
         Ok(false)
     }
 
-    /// Says what has queued up.
+    /// Says what has queued up; what the bus has no room for is handed back, and why.
     ///
     /// # Errors
     /// The bus failed.
-    pub fn say_queued(&self, comms: &mut Comms) -> Result<(), CommsError> {
+    pub fn say_queued(&self, comms: &mut Comms) -> Result<Vec<Refused>, CommsError> {
         let said = {
             let mut queue = self.lock();
             queue.bytes = 0;
             std::mem::take(&mut queue.said)
         };
         self.room.notify_all();
-        said.iter().try_for_each(|said| said.say(comms, &self.counts))
+        let mut refused = Vec::new();
+        for said in said {
+            match said.say(comms, &self.counts) {
+                Err(CommsError::Link(LinkError::BrokerGone(community))) => {
+                    return Err(LinkError::BrokerGone(community).into());
+                }
+                // Who said it is elsewhere by now, and the next one may be no such thing.
+                Err(why) => {
+                    refused.push(Refused { key: said.variable().to_owned(), sequence: None, reason: why.to_string() })
+                }
+                Ok(()) => {}
+            }
+        }
+        Ok(refused)
     }
 
     /// Messages that wait for the client's thread.
     pub fn unsent(&self) -> usize {
+        if self.home.is_elsewhere() {
+            return 0;
+        }
         self.lock().said.iter().filter(|said| said.is_message()).count()
     }
 
@@ -272,8 +323,11 @@ impl Outgoing {
         self.room.notify_all();
     }
 
-    /// Has the app leave.
+    /// Has the app leave; nobody's, if this is a fork.
     pub fn stop(&self) {
+        if self.home.is_elsewhere() {
+            return;
+        }
         self.stop.store(true, Ordering::Relaxed);
         self.bell.ring();
     }

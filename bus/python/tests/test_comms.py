@@ -122,7 +122,7 @@ class Comms(OnABus):
             (lambda: client.notify("A", {"x": 1}), "nobody has written A or reads it"),
             (lambda: client.notify("A", 1, type="Pose9"), "writes or reads a type Pose9"),
             (lambda: client.notify("A" * 300, 1), "is a name of 300 bytes; at most 256"),
-            (lambda: client.register("A", rate=0), "rate is 0; right is how many messages a second"),
+            (lambda: client.register("A", rate=0), "the rate of A is 0; right is how many messages a second"),
             (lambda: client.run("other", "client"), "client is running already"),
             (lambda: elk.comms().run("localhost", 9000, "x"), r"right is run\(community, name\)"),
             (lambda: elk.comms().fetch(), "nothing is running; right is run"),

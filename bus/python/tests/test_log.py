@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import zlib
 from pathlib import Path
 
 import numpy
@@ -87,3 +88,28 @@ class Mission(unittest.TestCase):
         broken.write_bytes(b"no log at all")
         with self.assertRaises(elk.Error):
             list(elk.Log(broken))
+
+    def test_a_damaged_log_is_read_as_far_as_it_goes_or_refused_in_words(self):
+        whole = next(self.run_folder.glob("*.mcap")).read_bytes()
+        file, read = Path(self.folder.name) / "damaged.mcap", 0
+        for number in range(30):
+            damaged, noise = bytearray(whole), number
+            for _ in range(1 + number % 5 * 20):
+                noise = zlib.crc32(noise.to_bytes(4, "little"))
+                # The head of a log is where most is decided.
+                at = noise % (len(whole) if number % 2 else 4000)
+                damaged[at] ^= 1 << noise % 8
+            file.write_bytes(damaged[: len(whole) if number % 3 else noise % len(whole)])
+            for look in [
+                lambda log: log.variables(),
+                lambda log: log.columns("SIM_SENSOR"),
+                lambda log: log.columns("PROGRESS"),
+                lambda log: [message.value() for message in log],
+            ]:
+                # A panic of Rust's is no error of elk's.
+                try:
+                    look(elk.Log(file))
+                    read += 1
+                except elk.Error as refusal:
+                    self.assertTrue(str(refusal))
+        self.assertGreater(read, 20)

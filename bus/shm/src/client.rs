@@ -25,6 +25,7 @@ use super::folder::FolderError;
 use super::forward::Forward;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use super::lifeline::Lifeline;
 use super::namespace::Namespace;
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
 use super::scarce;
@@ -103,7 +104,7 @@ pub enum ConnectError {
 pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
     limits::let_owner_in();
-    let broken = |source| ConnectError::Handshake { community: community.clone(), source };
+    let broken = |source| ConnectError::Handshake { community: community.clone(), source: handshake::failure(source) };
     let stream = handshake::connect(community).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
@@ -134,7 +135,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     namespace.close_folder().map_err(unusable)?;
     let community = community.clone();
     let back = ShmBack { community: community.clone(), name: hello.name, build: hello.build, lease_secs };
-    let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
+    let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(Lifeline::new(stream)) });
     open_lanes(line, back, clock).map_err(ConnectError::from)
 }
 
@@ -157,7 +158,7 @@ fn open_lanes(
 /// Nothing in shared memory tells of a process' death, the socket does: a thread waits for its end, and rings the
 /// client's own bell then.
 fn watch(stream: &UnixStream, page: &Arc<Page<ClientPage>>) -> std::io::Result<()> {
-    let (stream, page) = (stream.try_clone()?, page.clone());
+    let (stream, page) = (Lifeline::new(stream.try_clone()?), page.clone());
     stream.set_read_timeout(None)?;
     let wait = move || {
         handshake::wait_for_end(&stream);
@@ -219,7 +220,7 @@ struct Line {
 }
 
 /// A connection that ends with its owner, whoever else watches it.
-struct Connection(UnixStream);
+struct Connection(Lifeline);
 
 impl Drop for Connection {
     fn drop(&mut self) {

@@ -1,7 +1,7 @@
 //! Who is there: an abstract Unix socket named after the community. Its name is the community's lock, a connection is a
 //! client's life, and nothing of it can be left behind.
 
-use std::io::{IoSliceMut, Read, Write};
+use std::io::{ErrorKind, IoSliceMut, Read, Write};
 use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::linux::net::SocketAddrExt;
@@ -21,8 +21,11 @@ use super::abstract_socket;
 
 /// Counts up whenever lanes, pages or frames change.
 pub const PROTOCOL: u32 = 7;
-/// How long either side waits for the other's word.
+/// How long a broker waits for a client's word.
 pub const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a client waits for the broker's: it lets in one after the other, and where many come to a machine that has much else to
+/// do, that takes seconds.
+pub const ANSWER_PATIENCE: Duration = Duration::from_secs(20);
 /// The longest message of the handshake (bytes).
 const MAX_BYTES: usize = 64 << 10;
 
@@ -77,9 +80,23 @@ pub fn nobody_listens(community: &Community) -> bool {
 
 /// Connects to the community's broker, and waits for a while if too many others do.
 pub fn connect(community: &Community) -> std::io::Result<UnixStream> {
-    let stream = abstract_socket::connect(&name(community), PATIENCE)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
+    let stream = abstract_socket::connect(&name(community), ANSWER_PATIENCE)?;
+    stream.set_read_timeout(Some(ANSWER_PATIENCE))?;
     Ok(stream)
+}
+
+/// A handshake's error; of one that was waited for in vain what may be the reason.
+pub fn failure(error: std::io::Error) -> std::io::Error {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => std::io::Error::new(
+            ErrorKind::TimedOut,
+            format!(
+                "nothing for {} s; is its process stopped, or the machine much too busy?",
+                ANSWER_PATIENCE.as_secs()
+            ),
+        ),
+        _ => error,
+    }
 }
 
 /// Sends a message, and files with it.
@@ -163,5 +180,17 @@ mod tests {
         drop(liar);
         let said = receive::<Hello>(&broker).unwrap_err().to_string();
         assert_eq!(said, "a message of 65537 bytes is no handshake");
+    }
+
+    /// Regression: "Resource temporarily unavailable (os error 11)" was all that was said.
+    #[test]
+    fn of_a_broker_that_says_nothing_it_is_said_what_may_be_the_reason() {
+        let (ours, _theirs) = UnixStream::pair().unwrap();
+        ours.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+        let error = failure(receive::<Answer>(&ours).unwrap_err());
+        assert_eq!(error.kind(), ErrorKind::TimedOut);
+        assert!(error.to_string().contains("is its process stopped, or the machine much too busy?"), "{error}");
+        let other = failure(std::io::Error::other("odd"));
+        assert_eq!(other.to_string(), "odd");
     }
 }

@@ -136,8 +136,9 @@ impl Server {
         // up.
         scarce::room()?;
         let mut namespace = hold(&community)?;
-        let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
+        // That takes as long as others have left something: before anybody can connect, who has patience for a handshake only.
         leftovers::sweep();
+        let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         let found = sessions::read(&namespace);
         if found.is_empty() {
             leftovers::remove(&namespace);

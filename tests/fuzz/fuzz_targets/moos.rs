@@ -62,7 +62,7 @@ fuzz_target!(|data: &[u8]| {
                     }
                 }
                 Ok(Some(Event::End)) => session.end_packet(),
-                Ok(Some(Event::TooLong { bytes })) => session.note_too_long(bytes, LONGEST),
+                Ok(Some(Event::TooLong { bytes, key })) => session.note_too_long(bytes, LONGEST, key),
                 Ok(Some(Event::Greeting)) => {}
                 Ok(None) => break,
                 Err(_) => return,

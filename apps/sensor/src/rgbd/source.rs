@@ -70,6 +70,11 @@ impl Rgbd {
                 "it is of {width} × {height} pixels: {columns} × {rows}, as the others, would be right"
             ));
         }
+        if image.depths.iter().all(|depth| *depth == 0) {
+            return Err(
+                "none of its pixels has a depth, all are 0: right is an image that something was measured in".into()
+            );
+        }
         let Settings { camera, stride, .. } = self.settings;
         let points = camera.points(&image.depths, width, stride).map_err(|error| error.to_string())?;
         Ok(Frame {

@@ -10,7 +10,7 @@ use super::texture::Look;
 use crate::camera::Camera;
 use crate::localised::Estimating;
 use crate::matching::matcher;
-use crate::parameters::{BELIEVED_RANGE, dead_reckoning, look_spacing, memory, no_estimate, param, refined};
+use crate::parameters::{BELIEVED_RANGE, dead_reckoning, look_spacing, memory, param, refined};
 use crate::pose_estimator::{Drift, VisualOdometry, VisualOdometrySettings};
 use crate::surroundings::{self, FOV, body, camera, check_pixels, range, seed};
 
@@ -63,7 +63,7 @@ pub(super) fn estimating(params: &Params, stereo: &SimulatedStereo) -> Result<Op
             let estimating = Estimating::new(VisualOdometry::new(settings)?, look_spacing(params));
             Some(refined(params, estimating, Drift { way: IMAGES_DRIFT, turn: IMAGES_DRIFT, seed })?)
         }
-        _ => no_estimate(params)?,
+        _ => None,
     })
 }
 

@@ -12,7 +12,7 @@ use elk_mission::{AppType, ParamSpec, Params, joined};
 
 use crate::app::simulated;
 use crate::localised::Estimating;
-use crate::parameters::{DEAD_RECKONING, SIMULATED, dead_reckoning, no_estimate};
+use crate::parameters::{DEAD_RECKONING, SIMULATED, dead_reckoning};
 use crate::surroundings::{self, seed};
 
 const OWN: [ParamSpec; parameters::PARAMS.len() + DEAD_RECKONING.len()] = joined(parameters::PARAMS, DEAD_RECKONING);
@@ -31,6 +31,6 @@ pub const TYPE: AppType = AppType {
 fn estimating(params: &Params) -> Result<Option<Estimating>, AppError> {
     match params.text("PoseEstimator") {
         "Odometry" => dead_reckoning(params, seed(params)).map(Some),
-        _ => no_estimate(params),
+        _ => Ok(None),
     }
 }

@@ -2,9 +2,50 @@
 
 use std::path::Path;
 
-use elk_mission::{Mission, MissionError};
+use elk_mission::{AppType, Kind, Mission, MissionError, Override, Registry};
 
-use crate::table::{parse, registry, with, wrong};
+use crate::table::{param, parse, registry, unbuilt, with, wrong};
+
+/// Regression: it was said when the sensor started.
+#[test]
+fn what_refines_nothing_is_a_mistake_with_its_place() {
+    static TYPES: &[AppType] = &[AppType {
+        element: "Filter",
+        name: "Refining",
+        summary: "Makes poses better.",
+        params: &[
+            param("PoseEstimator", Kind::Choice(&["none", "Odometry"]), Some("none"), "Estimates."),
+            param(
+                "Refine",
+                Kind::Refinement { words: &["none", "ICP"], of: "PoseEstimator" },
+                Some("none"),
+                "Refines.",
+            ),
+        ],
+        build: unbuilt,
+        preflight: None,
+    }];
+    let registry: Registry = TYPES.iter().chain(registry().types()).collect();
+    let said = |line: &str, sets: &[&str]| {
+        let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        Mission::parse(&with(line), Path::new("m.xml"), &registry, &sets).map(|_| ()).map_err(|error| error.to_string())
+    };
+    let why = "Refine is ICP, and PoseEstimator is none, of which there is nothing to be made better; right is Refine none, or \
+               a PoseEstimator";
+    let refining = "<Filter type=\"Refining\"><Refine> ICP </Refine></Filter>";
+    assert_eq!(said(refining, &[]), Err(format!("m.xml:7:34: {why}")));
+    assert_eq!(said(refining, &["Filter.PoseEstimator=Odometry"]), Ok(()));
+    let estimating =
+        "<Filter type=\"Refining\"><PoseEstimator> Odometry </PoseEstimator><Refine> ICP </Refine></Filter>";
+    assert_eq!(said(estimating, &[]), Ok(()));
+    assert_eq!(said(estimating, &["Filter.PoseEstimator=none"]), Err(format!("m.xml:7:75: {why}")));
+    assert_eq!(
+        said("<Filter type=\"Refining\"/>", &["Filter.Refine=ICP"]),
+        Err(format!("--set Filter.Refine=ICP: {why}"))
+    );
+    let wrong = said("<Filter type=\"Refining\"><Refine> IPC </Refine></Filter>", &[]).unwrap_err();
+    assert!(wrong.starts_with("m.xml:7:34: Refine: "), "{wrong}");
+}
 
 #[test]
 fn every_mistake_has_its_place_and_says_what_would_be_right() {

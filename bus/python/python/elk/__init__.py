@@ -19,6 +19,7 @@ community's clock; lengths and poses are metres and the units that a type's desc
 from ._app import App
 from ._comms import comms
 from ._elk import (
+    DecodeError,
     Error,
     Message,
     Rejection,
@@ -34,6 +35,7 @@ from ._mission import Mission, Run, evaluate
 
 __all__ = [
     "App",
+    "DecodeError",
     "Error",
     "Log",
     "Message",

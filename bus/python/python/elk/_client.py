@@ -7,6 +7,7 @@ from typing import Any, Optional, Tuple, Union, overload
 
 from ._elk import Error, Runner
 from ._lines import Lines
+from ._words import named, shown
 
 #: The time of a message that is of now, as in pymoos.
 NOW = -1.0
@@ -59,12 +60,12 @@ class Client:
         `register(var_pattern, app_pattern, interval)`; besides, `rate` is the messages a second at most, in place of an
         interval, and with `lossless` its publishers wait for it."""
         right = "register(name, interval=0.0) or register(var_pattern, app_pattern, interval=0.0)"
-        if bool(name) == bool(var_pattern):
-            raise Error(f"registered for {name!r} and {var_pattern!r}: right is {right}")
+        if not isinstance(name, str) or not isinstance(var_pattern, str) or bool(name) == bool(var_pattern):
+            raise Error(f"registered for {shown(name)} and {shown(var_pattern)}: right is {right}")
         variables = name or var_pattern
         if how:
             app_pattern, interval = _of_forms(right, how, (app_pattern, "*"), (interval, 0.0))
-        if interval:
+        if not isinstance(interval, (int, float, type(None))) or interval:
             rate = _rate(variables, interval, rate)
         self._register(variables, app_pattern, rate, lossless)
         return True
@@ -100,13 +101,13 @@ class Client:
         if how:
             right = "notify(name, value, time=-1.0) or notify(name, value, aux_src, time=-1.0)"
             aux_src, time = _of_forms(right, how, (aux_src, ""), (time, NOW))
-        self._publish(name, value, None if time == NOW else time, type, aux_src)
+        is_now = isinstance(time, (int, float)) and time == NOW
+        self._publish(name, value, None if is_now else time, type, aux_src)
         return True
 
     def notify_binary(self, name: str, binary_data: Union[bytes, str], time: Optional[float] = NOW) -> bool:
         """Publishes bytes, as MOOS' clients do; a text's are its UTF-8."""
-        data = binary_data.encode() if isinstance(binary_data, str) else bytes(binary_data)
-        return self.notify(name, data, time)
+        return self.notify(name, _bytes(name, binary_data), time)
 
     def describe(self, variable: str) -> Optional[dict]:
         """What a variable carries: `type`, and of a typed one an `example` value and its `description` (fields, units, docs);
@@ -121,6 +122,15 @@ class Client:
         self._runner.publish(name, value, time, type, aux_src)
 
 
+def _bytes(name: str, data: Any) -> Any:
+    """Bytes, as they are or of a text. No others are made of anything: those of a number would be as many zeros."""
+    try:
+        return data.encode() if isinstance(data, str) else memoryview(data)
+    except (TypeError, ValueError) as why:
+        what = f"notify_binary({shown(name)}, …): there are no bytes of this {type(data).__name__}: {why}"
+        raise Error(f"{what}; right are bytes, or a text that UTF-8 can say") from why
+
+
 def _of_forms(right: str, how: Tuple[Any, ...], text: Tuple[str, str], number: Tuple[Any, Any]) -> Tuple[str, Any]:
     """The text and the number of `how`, which is `(text)`, `(number)` or `(text, number)`. `text` and `number` are each what was
     said by a keyword, and what it is if nothing was: it stays if nothing is said by position, and is not said twice."""
@@ -128,14 +138,14 @@ def _of_forms(right: str, how: Tuple[Any, ...], text: Tuple[str, str], number: T
     rest = how[len(first) :]
     said_twice = (first and text[0] != text[1]) or (rest and number[0] != number[1])
     if said_twice or len(rest) > 1 or any(isinstance(one, str) for one in rest):
-        raise Error(f"{', '.join(map(repr, how))} cannot be: right is {right}, each said once")
+        raise Error(f"{', '.join(map(shown, how))} cannot be: right is {right}, each said once")
     return (*first, text[0])[0], (*rest, number[0])[0]
 
 
-def _rate(variables: str, interval: float, rate: Optional[float]) -> float:
+def _rate(variables: str, interval: Any, rate: Optional[float]) -> float:
     if rate is not None:
-        raise Error(f"{variables} has an interval of {interval} s and a rate of {rate}; right is one of them")
-    if not 0 <= interval <= LONGEST_INTERVAL:
+        raise Error(f"{named(variables)} has an interval of {shown(interval)} s and a rate of {shown(rate)}; right is one of them")
+    if not isinstance(interval, (int, float)) or not 0 <= interval <= LONGEST_INTERVAL:
         least = f"the least time between two messages (s), from 0 to {LONGEST_INTERVAL:.0f}"
-        raise Error(f"the interval of {variables} is {interval}; right is {least}")
+        raise Error(f"the interval of {named(variables)} is {shown(interval)}; right is {least}")
     return min(1 / interval, 1e9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import re
 import sys
 import threading
@@ -10,8 +11,9 @@ import weakref
 from typing import TYPE_CHECKING, Any, Callable, List, NoReturn, Optional, Set, Tuple
 
 from ._client import Client
-from ._elk import Error, Message, Runner
+from ._elk import Error, Message, Rejection, Runner, interrupt, let_go_of_parent
 from ._queues import ActiveQueues, Waiting
+from ._words import named, said, shown
 
 #: What pymoos' `comms` has and this one has not: why, and what is right.
 NOT_HERE = {
@@ -24,14 +26,54 @@ NOT_HERE = {
     "get_client_comms_statuses": "the broker knows how its clients are; `elk apps` and `elk top` show it",
 }
 
+#: The longest that `wait_until_connected` waits (ms).
+LONGEST_WAIT_MS = 1e9
+
 _running: "weakref.WeakSet[comms]" = weakref.WeakSet()
+
+
+#: A client whose callback does not end is waited for so long (s) when it is closed, and so long is each of its queues.
+PATIENCE, QUEUE_PATIENCE = 15.0, 5.0
 
 
 @atexit.register
 def _close_all() -> None:
     # A thread that comes back to an interpreter that is gone ends its process.
+    left = [thread for one in list(_running) for thread in one._leave(nice=False)]
+    for thread in left:
+        # One that waits in the kernel does not come back; one that computes does, and comes to its end here.
+        interrupt(thread.ident or 0, _Ended)
+    for thread in left:
+        thread.join(1)
+        if thread.is_alive():
+            print(f"{thread.name}: a callback does not end; it is left behind", file=sys.stderr, flush=True)
+    if any(thread.is_alive() and thread.ident in _Ended.heard for thread in left):
+        # It will not hear of the interpreter's end either.
+        print("a callback goes on although it was asked to end; the process ends without it", file=sys.stderr, flush=True)
+        sys.stdout.flush()
+        os._exit(1)
+
+
+class _Ended(SystemExit):
+    """Raised in the midst of a callback that is still there at the interpreter's end."""
+
+    #: The threads that have been told.
+    heard: Set[int] = set()
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.heard.add(threading.get_ident())
+
+
+def _forget_all() -> None:
+    # A fork has none of the threads, and nothing to close; and what they had locked stays locked there.
+    let_go_of_parent()
     for one in list(_running):
-        one.close(nice=False)
+        one._forget()
+    _running.clear()
+
+
+os.register_at_fork(after_in_child=_forget_all)
 
 
 class comms(Client):
@@ -44,9 +86,8 @@ class comms(Client):
 
     def __init__(self) -> None:
         self._thread: Optional[threading.Thread] = None
-        self._community, self._name = "", ""
-        self._waiting = Waiting()
-        self._queues = ActiveQueues(self._queue_failed)
+        self._community, self._name, self._process = "", "", 0
+        self._forget()
         self._on_connect: Optional[Callable[[], Any]] = None
         self._on_mail: Optional[Callable[[], Any]] = None
         self._connected = threading.Event()
@@ -54,6 +95,10 @@ class comms(Client):
         self._registered: Set[Tuple[str, str]] = set()
         self._published: Set[str] = set()
         self._is_quiet, self._is_verbose = True, False
+
+    def _forget(self) -> None:
+        self._waiting = Waiting()
+        self._queues = ActiveQueues(self._queue_failed, self._queue_rejected)
 
     if not TYPE_CHECKING:  # to a type checker it has what it has
 
@@ -66,12 +111,12 @@ class comms(Client):
     def set_on_connect_callback(self, func: Callable[[], Any]) -> bool:
         """Has `func()` called, on the client's thread, when it has joined: register there. After a broker's death the client
         joins the next one with all its registrations by itself."""
-        self._on_connect = func
+        self._on_connect = _callable("set_on_connect_callback", func)
         return True
 
     def set_on_mail_callback(self, func: Callable[[], Any]) -> bool:
         """Has `func()` called, on the client's thread, when there is something to `fetch`."""
-        self._on_mail = func
+        self._on_mail = _callable("set_on_mail_callback", func)
         return True
 
     def add_active_queue(self, queue_name: str, func: Callable[[Message], Any]) -> bool:
@@ -116,11 +161,11 @@ class comms(Client):
         """Joins a community under a name, and waits for its broker in the background if it is not there yet. (pymoos: host,
         port, name.)"""
         if self._thread is not None:
-            raise Error(f"{name} is running already; right is a new comms()")
-        if not isinstance(name, str):
-            raise Error(f"run({community!r}, {name!r}, …): right is run(community, name), as run('elk', 'my_client')")
+            raise Error(f"{named(name)} is running already; right is a new comms()")
+        if not isinstance(name, str) or not isinstance(community, str):
+            raise Error(f"run({shown(community)}, {shown(name)}, …): right is run(community, name), as run('elk', 'my_client')")
         self._runner = Runner(name, community)
-        self._community, self._name = community, name
+        self._community, self._name, self._process = community, name, os.getpid()
         self._thread = threading.Thread(target=self._live, name=name, daemon=True)
         _running.add(self)
         self._thread.start()
@@ -142,19 +187,30 @@ class comms(Client):
         """Waits at most so long (ms) until it has joined and its on-connect callback is through; whether it has."""
         if self._thread is None:
             raise Error("nothing is running; right is run(community, name) before")
+        if not isinstance(n_ms, (int, float)) or not 0 <= n_ms <= LONGEST_WAIT_MS:
+            raise Error(f"wait_until_connected({shown(n_ms)}): right is a time from 0 to {LONGEST_WAIT_MS:.0f} ms")
         self._connected.wait(n_ms / 1000)
         self._check()
         return self.is_connected()
 
     def close(self, nice: bool = True) -> bool:
-        """Leaves, and waits until the client's threads have ended; with `nice` for its queues' messages, too."""
+        """Leaves, and waits until the client's threads have ended; with `nice` for its queues' messages, too. Whether they have:
+        a callback that does not end is waited for for some seconds. A callback that closes its own client does not wait for
+        itself: the client leaves when it has returned."""
         if self._thread is None:
             return False
+        return not self._leave(nice)
+
+    def _leave(self, nice: bool) -> List[threading.Thread]:
+        """Leaves; the threads that have not ended, though they were waited for."""
+        if self._thread is None or self._process != os.getpid():
+            return []
         self._runner.stop()
+        left = []
         if self._thread is not threading.current_thread():
-            self._thread.join(15)
-        self._queues.close(nice, 5)
-        return True
+            self._thread.join(PATIENCE)
+            left = [self._thread] if self._thread.is_alive() else []
+        return left + self._queues.close(nice, QUEUE_PATIENCE)
 
     # What it has heard, and says.
 
@@ -181,7 +237,7 @@ class comms(Client):
         super()._register(variables, sources, rate, lossless)
         self._registered.add((variables, sources))
         if self._is_verbose:
-            self._report(f"registers for {variables} of {sources}")
+            self._report(f"registers for {named(variables)} of {named(sources)}")
 
     def _publish(self, name: str, value: Any, time: Optional[float], type: Optional[str], aux_src: str) -> None:
         if self._thread is None:
@@ -189,7 +245,7 @@ class comms(Client):
         super()._publish(name, value, time, type, aux_src)
         self._published.add(name)
         if self._is_verbose:
-            self._report(f"says {name}={value!r}")
+            self._report(f"says {named(name)}={shown(value)}")
 
     # What pymoos tells of itself.
 
@@ -249,8 +305,10 @@ class comms(Client):
     def _check(self) -> None:
         if self._thread is None:
             raise Error("nothing is running; right is run(community, name) before")
+        if self._process != os.getpid():
+            raise Error(f"{self._name} is a client of process {self._process}, and this is a fork of it; right is one of its own")
         if self._failure is not None:
-            raise Error(f"{self._thread.name} has ended: {self._failure}") from self._failure
+            raise Error(f"{self._thread.name} has ended: {_words(self._failure)}") from self._failure
 
     def _live(self) -> None:
         if not self._is_quiet:
@@ -264,10 +322,13 @@ class comms(Client):
             self._connected.set()
 
     def _queue_failed(self, name: str, failure: BaseException) -> None:
-        self._failure = Error(f"active queue {name} raised {type(failure).__name__}: {failure}")
+        self._failure = Error(f"active queue {name} raised {type(failure).__name__}: {said(failure)}")
         self._failure.__cause__ = failure
         if self._thread is not None:
             self._runner.stop()
+
+    def _queue_rejected(self, message: Message, why: Rejection) -> None:
+        self._runner.reject(message, said(why))
 
     def _report(self, words: str) -> None:
         print(f"{self._name} {words}", file=sys.stderr)
@@ -296,6 +357,18 @@ class comms(Client):
 
     def on_refused(self, variable: str, reason: str) -> None:
         pass
+
+
+def _callable(of: str, func: Any) -> Any:
+    if func is not None and not callable(func):
+        raise Error(f"{of}({shown(func)}): right is a function without arguments, or None")
+    return func
+
+
+def _words(failure: BaseException) -> str:
+    """What ended a client: of an exit, which is no failure elsewhere, that it was one."""
+    words = said(failure)
+    return words if isinstance(failure, Error) else f"a callback raised {type(failure).__name__}({words})"
 
 
 def _fits(pattern: str, name: str) -> bool:

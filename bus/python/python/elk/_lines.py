@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections import deque
 from typing import Any, Deque, Dict, List, Optional, Tuple
 
-from ._elk import Error, Rejection
+from ._elk import DecodeError, Error, Rejection
+from ._words import said as words_of
+
+
+#: How deep values lie in each other at most, as elsewhere: a list may lie in itself.
+DEEPEST = 64
 
 
 def is_run_by_lines() -> bool:
@@ -53,12 +59,12 @@ class Line:
 
     def double(self) -> float:
         if not self.is_double():
-            raise Error(f"{self.key()} carries {self.type_name()}, and no number")
+            raise DecodeError(f"{self.key()} carries {self.type_name()}, and no number; right is value(), or to ask is_double() first")
         return float(self._said["value"])
 
     def string(self) -> str:
         if not self.is_string():
-            raise Error(f"{self.key()} carries {self.type_name()}, and no text")
+            raise DecodeError(f"{self.key()} carries {self.type_name()}, and no text; right is value(), or to ask is_string() first")
         return self._said["value"]
 
     def value(self) -> Any:
@@ -95,7 +101,7 @@ class Lines:
             try:
                 self._call(handler.on_new_mail, Line(said))
             except Rejection as why:
-                self._say(log=f"{said['mail']} cannot be used: {why}")
+                self._say(log=f"{said['mail']} cannot be used: {words_of(why)}")
         elif "lost" in said:
             self._lost += said["lost"]
         elif "refused" in said:
@@ -108,7 +114,7 @@ class Lines:
             raise
         except Exception as failure:
             of = f"({arguments[0].key()})" if arguments and isinstance(arguments[0], Line) else ""
-            what = f"{callback.__name__}{of} raised {type(failure).__name__}: {failure}"
+            what = f"{callback.__name__}{of} raised {type(failure).__name__}: {words_of(failure)}"
             raise Error(f"{self.hello['name']}: {what}") from failure
 
     def stop(self) -> None:
@@ -145,7 +151,11 @@ class Lines:
         return self._lost
 
     def _say(self, **line: Any) -> None:
-        print(json.dumps(line, default=_plain), file=self._out, flush=True)
+        try:
+            text = json.dumps(line, default=_plain, allow_nan=False)
+        except ValueError:  # there are numbers in it that JSON does not have, or it lies in itself
+            text = json.dumps(_finite(line, 0), allow_nan=False)
+        print(text, file=self._out, flush=True)
 
     def _next(self) -> Optional[Dict[str, Any]]:
         return self._waiting.popleft() if self._waiting else self._read()
@@ -161,6 +171,19 @@ class Lines:
                 return said
             self._waiting.append(said)
         raise Error(f"the lines have ended before {what!r} came; this is run by `elk pipe`")
+
+
+def _finite(value: Any, depth: int) -> Any:
+    """The same with `"inf"`, `"-inf"` and `"NaN"` for what is no number to JSON, as `elk pipe` takes them."""
+    if depth > DEEPEST:
+        raise Error(f"values lie more than {DEEPEST} deep in each other")
+    if isinstance(value, float):
+        return value if math.isfinite(value) else {math.inf: "inf", -math.inf: "-inf"}.get(value, "NaN")
+    if isinstance(value, dict):
+        return {name: _finite(one, depth + 1) for name, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(one, depth + 1) for one in value]
+    return _finite(_plain(value), depth + 1) if not isinstance(value, (str, int, type(None))) else value
 
 
 def _plain(value: Any) -> Any:

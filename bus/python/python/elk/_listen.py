@@ -6,7 +6,8 @@ import asyncio
 from typing import Any, List, Optional
 
 from ._comms import comms
-from ._elk import Message
+from ._elk import Error, Message
+from ._words import shown
 
 
 class listen(comms):
@@ -19,7 +20,9 @@ class listen(comms):
 
     def __init__(self, community: str, name: str, variables: List[str], **how: Any) -> None:
         super().__init__()
-        self._community, self._name, self._variables, self._how = community, name, variables, how
+        if isinstance(variables, (str, bytes)):
+            raise Error(f"listen(…, {shown(variables)}): right is a list of variables, as ['NAV_*']")
+        self._community, self._name, self._variables, self._how = community, name, list(variables), how
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._news: Optional[asyncio.Event] = None
         self._is_over = False
@@ -36,7 +39,8 @@ class listen(comms):
         return self
 
     async def __anext__(self) -> Message:
-        assert self._news is not None, "listen is used with `async with`"
+        if self._news is None:
+            raise Error("listen is used with `async with`, and what it gives is iterated over")
         while True:
             # Looked at before the mail: what had come by the end is handed out.
             is_over = self._is_over

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from typing import Any, Dict, Iterator, Union
 
-from ._elk import LogReader, Message
+from ._elk import Error, LogReader, Message
+from ._words import shown
 
 
 class Log:
@@ -17,7 +18,10 @@ class Log:
     """
 
     def __init__(self, path: Union[str, "os.PathLike[str]"]) -> None:
-        self._path = os.fspath(path)
+        try:
+            self._path = os.fsencode(path)
+        except UnicodeEncodeError as why:
+            raise Error(f"{shown(path)} is no path: {why}; right is a text that the system's files can have for a name") from why
         self._metadata: Dict[str, Any] = LogReader(self._path).metadata()
 
     def __iter__(self) -> Iterator[Message]:

@@ -12,6 +12,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple, Union
 
 from ._elk import Error
 from ._log import Log
+from ._words import shown
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -25,6 +26,8 @@ def _elk(*arguments: str) -> Tuple[int, str, str]:
     how = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     try:
         process = subprocess.Popen([program, *arguments], **how)
+    except ValueError as error:
+        raise Error(f"elk {arguments[0]} cannot be told this: {error}; right are texts without a zero or half a character") from error
     except OSError as error:
         raise Error(f"{program} cannot be run: {error}; ELK=… says where elk is") from error
     try:
@@ -76,7 +79,7 @@ class Mission:
     program `elk` that does it: `$ELK`, or the one in PATH."""
 
     def __init__(self, mission: PathLike, parameters: Optional[Mapping[str, Any]] = None) -> None:
-        self.mission: str = os.fspath(mission)
+        self.mission: str = _argument(mission)
         self.parameters: Dict[str, Any] = dict(parameters or {})
 
     def set(self, parameter: str, value: Any) -> "Mission":
@@ -125,6 +128,14 @@ class Mission:
         return f"elk.Mission({self.mission!r}, {self.parameters!r})"
 
 
+def _argument(path: PathLike) -> str:
+    """A path as an argument that is none of `elk`'s options."""
+    text = os.fspath(path)
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise Error(f"{shown(path)} is no path; right is a text, without a zero in it")
+    return f"./{text}" if text.startswith("-") else text
+
+
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
@@ -143,7 +154,7 @@ def evaluate(suite: PathLike, output: PathLike, *, jobs: Optional[int] = None) -
 
     Raises elk.Error: the suite is wrong, or the results in the folder are of another one."""
     how = [] if jobs is None else [f"--jobs={jobs}"]
-    code, said, errors = _elk("evaluate", os.fspath(suite), f"--output={os.fspath(output)}", *how)
+    code, said, errors = _elk("evaluate", _argument(suite), f"--output={os.fspath(output)}", *how)
     # Not all complete is a result; it ends otherwise before it says where the results are.
     if code and not any(line.startswith("report.html") for line in said.splitlines()):
         raise _failure(said, errors)
