@@ -307,6 +307,45 @@ mod tests {
         }
     }
 
+    /// What a client of this name says first.
+    fn hello(name: &str) -> handshake::Hello {
+        handshake::Hello {
+            protocol: handshake::PROTOCOL,
+            name: name.into(),
+            build: String::new(),
+            lease_secs: 0.0,
+            succeeds: false,
+            returns: false,
+        }
+    }
+
+    /// Regression: in a storm of clients that come and go at once some were refused for those that had gone.
+    #[test]
+    fn nobody_is_turned_away_for_a_client_that_has_gone() {
+        let community = Community::new(format!("crowded-{}", std::process::id())).unwrap();
+        let mut config = BrokerConfig::new(community.to_string());
+        config.limits.clients = 1;
+        let mut server = Server::start(community.clone(), config, Clock::new(1.0), None).unwrap();
+        // What comes of a newcomer while nobody is let go of.
+        let mut come = |name: &str| {
+            std::thread::scope(|threads| {
+                let newcomer = threads.spawn(|| answer_to(&community, Some(&hello(name))));
+                while !newcomer.is_finished() {
+                    server.carrier.take_events(0.0, &server.events);
+                    std::thread::yield_now();
+                }
+                newcomer.join().unwrap()
+            })
+        };
+        let (first, stays) = come("first");
+        assert!(first.starts_with("Welcome"), "{first}");
+        assert!(come("second").0.contains("has 1 clients already"));
+        drop(stays);
+        let (second, _connection) = come("second");
+        assert!(second.starts_with("Welcome"), "{second}");
+        server.part();
+    }
+
     #[test]
     fn who_speaks_another_protocol_or_is_another_user_is_let_in_by_nobody() {
         let community = Community::new(format!("foreign-{}", std::process::id())).unwrap();
@@ -320,14 +359,7 @@ mod tests {
                 skip(test, "root", "only root can become another user");
             }
         }
-        let hello = handshake::Hello {
-            protocol: handshake::PROTOCOL + 1,
-            name: "old".into(),
-            build: String::new(),
-            lease_secs: 0.0,
-            succeeds: false,
-            returns: false,
-        };
+        let hello = handshake::Hello { protocol: handshake::PROTOCOL + 1, ..hello("old") };
         let stop = AtomicBool::new(false);
         let said = std::thread::scope(|threads| {
             let old = threads.spawn(|| {

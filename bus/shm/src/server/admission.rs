@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering::{Acquire, SeqCst};
 use std::sync::mpsc::Receiver;
 
 use elk_os::{Owner, ProcessId};
-use elk_proto::broker::Introduction;
+use elk_proto::broker::{AdmissionError, Introduction};
 use elk_proto::host::Progress;
 use elk_proto::link::LinkError;
 use elk_proto::wire::ClientId;
@@ -46,7 +46,7 @@ impl Carrier {
         let claims = Introduction { succeeds: *succeeds, returns: *returns, ..Introduction::new(name) };
         let who = Introduction { build, lease_secs: *lease_secs, ..claims };
         let admitted = match *protocol {
-            handshake::PROTOCOL => self.host.join(now, &who, &mut self.peers).map_err(|refusal| refusal.to_string()),
+            handshake::PROTOCOL => self.admit(now, &who).map_err(|refusal| refusal.to_string()),
             other => Err(format!(
                 "this broker speaks protocol {}, the client {other}: build both from the same version",
                 handshake::PROTOCOL
@@ -73,6 +73,18 @@ impl Carrier {
                 let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
                 let _ = stream.shutdown(std::net::Shutdown::Both);
             }
+        }
+    }
+
+    /// Nobody is turned away for clients that have gone: the news of their end may come later than who takes their place.
+    fn admit(&mut self, now: f64, who: &Introduction<'_>) -> Result<ClientId, AdmissionError> {
+        match self.host.join(now, who, &mut self.peers) {
+            Err(AdmissionError::Full(_)) => {
+                let all: Vec<ClientId> = self.peers.by_id.keys().copied().collect();
+                all.into_iter().for_each(|id| self.let_go_if_dead(now, id));
+                self.host.join(now, who, &mut self.peers)
+            }
+            admitted => admitted,
         }
     }
 
