@@ -343,10 +343,10 @@ pub fn alive(id: i32) -> bool {
     ProcessStat::of(id).is_some_and(|stat| !stat.has_ended())
 }
 
-/// Processes that have the test's community among their arguments.
+/// Processes that have the test's community among their arguments: not one whose name ends in it, which is another test's.
 pub fn processes_of(elk: &Elk) -> Vec<i32> {
-    let argument = format!("{}\0", elk.community);
-    processes().iter().filter(|one| one.line.contains(&argument)).map(|one| one.id).collect()
+    let is_of = |one: &&Process| one.line.split('\0').any(|argument| argument == elk.community);
+    processes().iter().filter(is_of).map(|one| one.id).collect()
 }
 
 /// Whether a file in shared memory is of the test's community, or of one that a test has made of its name: no number follows that
