@@ -314,7 +314,7 @@ impl<'a> Iterator for Frames<'a> {
     type Item = Result<Frame<'a>, WireError>;
 
     // Wherever a frame is handed on through memory field by field and read back in larger pieces, the processor waits; inlined, it
-    // stays in registers. Of all that a message costs, those waits were a sixth.
+    // stays in registers (docs/figures.md says what that cost).
     #[inline(always)]
     fn next(&mut self) -> Option<Self::Item> {
         if self.rest.is_empty() {
